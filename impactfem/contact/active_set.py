@@ -4,10 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Booleans = NDArray[np.bool_]
-Floats = NDArray[np.float64]
+from impactfem.arrays import Booleans, Floats
+
 LinearSolve = Callable[[Booleans], tuple[Floats, Floats]]
 
 

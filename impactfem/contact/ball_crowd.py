@@ -3,18 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.ball_kernels import gaps_of, near_among, near_of
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting
 from impactfem.errors import ConvergenceError
 from impactfem.system.rigid import NEAR
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
 
 _BESIDE = 0.25  # of both radii, by which pairs are looked for beside those that are near
 _SHARE = 0.499  # of that, which two balls may go towards each other; rounding is the rest

@@ -8,18 +8,14 @@ the moment of momentum. The closest places are found anew in each layer.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.ball_kernels import reached
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of, weights_on
 from impactfem.contact.mortar_surface import Surface
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _SAME = 1e-9  # share of a distance by which two count as the same
 _ALIKE = 0.9  # cosine of directions from which two closest places count as one

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.followed_pair import FollowedPair, along_ways, pair_weights
 from impactfem.contact.meeting import NOTHING, Meet, Meeting
@@ -13,10 +13,6 @@ from impactfem.contact.mortar import MortarPairs, faces_in_reach, mortar
 from impactfem.contact.mortar_surface import Kind, Surface, surface
 from impactfem.contact.self_pairs import WithinBody
 from impactfem.errors import SceneError
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _ROUNDING = 1e-9  # share of the bodies' size by which they may overlap at t = 0
 _KINDS: dict[tuple[int, int], Kind] = {

@@ -8,11 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.fem import MPI, dolfinx_mesh
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _FACETS = {
     "triangle": "interval",
@@ -35,7 +32,7 @@ class Body(Protocol):
         """Local facets of each named surface, the same names on every rank."""
 
     @property
-    def numbers(self) -> Indices:
+    def numbers(self) -> Integers:
         """Canonical number of each local geometry node."""
 
 
@@ -55,9 +52,9 @@ class Boundary:
         members: Which face belongs to which of them, shape (faces, names).
     """
 
-    numbers: Indices
+    numbers: Integers
     points: Floats
-    faces: Indices
+    faces: Integers
     normals: Floats
     shares: Floats
     areas: Floats
@@ -162,7 +159,7 @@ def boundary(body: Body, *, thickness: float = 1.0, axisymmetric: bool = False) 
     )
 
 
-def everywhere(comm: Any, boundary_numbers: Indices, numbers: Indices, values: Floats) -> Floats:
+def everywhere(comm: Any, boundary_numbers: Integers, numbers: Integers, values: Floats) -> Floats:
     """Values of the boundary's nodes on every rank, from the ranks that own them (collective).
 
     Args:

@@ -7,13 +7,10 @@ Faces are sorted by size in powers of two: few large ones do not make many small
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.mortar_surface import Surface, unit
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 FACING = 0.2
 """Least cosine between one normal and the other reversed for two faces to be opposite."""
@@ -27,7 +24,7 @@ def candidates(
     reach: float,
     depth: Floats,
     ways: tuple[Floats, Floats],
-) -> Indices:
+) -> Integers:
     """Pairs of faces that can meet; some will turn out not to overlap.
 
     Args:
@@ -65,8 +62,8 @@ def candidates(
 
 
 def _near(
-    here: "_Balls", faces: Indices, begin: Floats, end: Floats, tree: KDTree, size: float
-) -> Indices:
+    here: "_Balls", faces: Integers, begin: Floats, end: Floats, tree: KDTree, size: float
+) -> Integers:
     """Some faces and the centres of a tree near their ways, (pairs, 2); repeated if met twice.
 
     Args:
@@ -107,7 +104,7 @@ def _balls(side: Surface, ways: Floats) -> _Balls:
     return _Balls(centre, radius, normal, tilt)
 
 
-def _levels(radius: Floats) -> Indices:
+def _levels(radius: Floats) -> Integers:
     """Powers of two of the sizes of faces, shape (faces,)."""
     tiny = np.finfo(np.float64).tiny
     return np.asarray(np.floor(np.log2(np.maximum(radius, tiny))), dtype=np.int64)
@@ -133,7 +130,7 @@ def _clip_to_box(here: _Balls, there: _Balls, begin: Floats, end: Floats) -> tup
     return begin, end
 
 
-def _opposite(here: _Balls, there: _Balls, pair: Indices, begin: Floats, end: Floats) -> Indices:
+def _opposite(here: _Balls, there: _Balls, pair: Integers, begin: Floats, end: Floats) -> Integers:
     """Those of some pairs that face each other and lie beside each other's way."""
     f, g = pair.T
     size = here.radius[f] + there.radius[g]

@@ -1,10 +1,8 @@
 """Closest points of lines and flat faces in space, all points against all of them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from impactfem.arrays import Floats
 
 _TINY = np.finfo(float).tiny
 

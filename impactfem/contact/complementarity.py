@@ -3,14 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.contact.active_set import primal_dual_active_set
 from impactfem.errors import ConvergenceError
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 Solver = Callable[[Floats, Floats, Booleans], tuple[Floats, int]]
 """Solves a complementarity problem (matrix, offset, start) for lambda; also counts iterations."""

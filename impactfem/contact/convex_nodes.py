@@ -9,18 +9,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, eye_array, vstack
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.ball_pairs import BallPair, Target, carried
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.convex_pairs import Marked, Pose
 from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of, weights_on
 from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _SAME = 1e-9  # share of a size that is none
 _ALONG = np.stack([1.0 - np.arange(1, 8) / 8.0, np.arange(1, 8) / 8.0], axis=1)

@@ -13,18 +13,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.convex_kernels import inverted, nearest_rotation, separate, touching
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of
 from impactfem.scene.obstacles.rotation import AT_REST, Placement, placement
 from impactfem.system.convex import Carrier, Convex
 from impactfem.system.rigid import in_space
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 type Pose = tuple[Floats, Floats]
 """Centre (3,) and rotation (3, 3) of a body."""

@@ -15,12 +15,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.distance import signed_distance
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _NEAR = 0.25  # of the size of the body: gaps that are looked at
 _LIFTS = (1e-5, 1e-3, 0.03)  # of it; the larger ones where iterates lie deep
@@ -30,8 +27,13 @@ _OTHER = 0.9  # between those of two faces of an obstacle
 
 
 def several_gaps(
-    obstacles: Sequence[Any], own: Indices, node: Indices, places: Floats, size: float, time: float
-) -> tuple[Indices, Floats, Floats]:
+    obstacles: Sequence[Any],
+    own: Integers,
+    node: Integers,
+    places: Floats,
+    size: float,
+    time: float,
+) -> tuple[Integers, Floats, Floats]:
     """Which gap of the same node takes each one's place, distances [m] and normals.
 
     Args:

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats, Integers
 from impactfem.scene.obstacles.rotation import gap_at, placement
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Field = tuple[Floats, Floats]
 
 
@@ -38,7 +37,7 @@ def signed_distance(obstacle: Any, points: ArrayLike, time: float) -> Field:
 
 def nearest_obstacle(
     obstacles: Sequence[Any], points: ArrayLike, time: float
-) -> tuple[Indices, Floats, Floats]:
+) -> tuple[Integers, Floats, Floats]:
     """Find the obstacle with the smallest gap; the first one where several have it.
 
     Args:

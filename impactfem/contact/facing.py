@@ -5,14 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.distance import signed_distance
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 FACING_AWAY = 0.2
 """A face whose outward normal has at least this share of the obstacle's normal faces away.
@@ -98,7 +94,9 @@ def gap_fields(
     return Fields(gap, normal, facing, away, free <= _HELD, hidden)
 
 
-def _behind(nodes: Indices, ways: Floats, places: Floats, faces: Indices, size: float) -> Booleans:
+def _behind(
+    nodes: Integers, ways: Floats, places: Floats, faces: Integers, size: float
+) -> Booleans:
     """Whether chords of the outside cross the straight ways of nodes in the plane.
 
     Faces are no hindrance to their own nodes, the one in the middle of degree 2 included. A way may

@@ -6,16 +6,13 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.meeting import Meeting, Turning
 from impactfem.contact.mortar import MortarPairs
 from impactfem.contact.mortar_surface import Surface, unit
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 FAR = 1e30
 """Gap of a multiplier whose part of the surface has nothing before it [m]."""

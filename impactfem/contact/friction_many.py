@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix, diags
 from scipy.sparse.linalg import splu
 
+from impactfem.arrays import Floats
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.rooted import Rooted
 from impactfem.contact.rooted_kernels import gathered_roots, sweep_roots
 from impactfem.contact.sparse_rows import across, rows_of
-
-Floats = NDArray[np.float64]
 
 _ROUNDING = 1e-13  # share of the largest displacement that counts as zero
 _CLOSER = 0.3  # by which sweeps end closer than what is asked, and again if that was not enough

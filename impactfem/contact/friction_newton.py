@@ -28,8 +28,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact import cone_kernels
 from impactfem.contact.cone_kernels import newton_cones, proximal_cones
 from impactfem.contact.rooted import Matrix, among, full, own_blocks
@@ -38,9 +38,6 @@ if TYPE_CHECKING:
     from impactfem.contact.spring_steps import SpringStep
     from impactfem.contact.springs import ContactSprings
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 Obeying = Callable[[Floats, Floats], tuple[Floats, Floats, int]]
 """Normal forces [N] if springs are pressed by rest + give * force, gaps without springs, systems.

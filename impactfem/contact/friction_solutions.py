@@ -9,14 +9,11 @@ b > 0: none, and one that presses it on.
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.contact.cone_kernels import in_cones
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.rooted import Matrix, full, own_blocks
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 MOST_PAIRS = 4  # of which all solutions are looked for
 _ROUNDING = 1e-9

@@ -23,8 +23,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.complementarity import Solver, solve_by_active_set
 from impactfem.contact.cone_kernels import without_traces
 from impactfem.contact.friction_kernels import islands_of, sweep_cones
@@ -33,9 +33,6 @@ from impactfem.contact.friction_newton import ConeProblem, newton, proximal, res
 from impactfem.contact.friction_solutions import stuck
 from impactfem.contact.rooted import Rooted, full
 from impactfem.errors import ConvergenceError
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _FEW = 60  # pairs up to which an island has an array of answers
 _HELD = 1e-12  # share of the largest compliance below which a direction does not yield

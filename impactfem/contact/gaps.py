@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_matrix
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.corners import several_gaps
 from impactfem.contact.distance import nearest_obstacle, signed_distance
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.responses import Columns, Responses
 from impactfem.scene.obstacles.rotation import placement
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 class Touching(Protocol):
@@ -34,7 +32,7 @@ class Touching(Protocol):
         """Normals of the obstacle, (count, dim)."""
 
     @property
-    def obstacle(self) -> Indices:
+    def obstacle(self) -> Integers:
         """Which obstacle, (count,)."""
 
     @property
@@ -49,7 +47,7 @@ class Started:
     positions: Floats
     gap: Floats
     normal: Floats
-    obstacle: Indices
+    obstacle: Integers
     pressures: csr_matrix
 
     @classmethod
@@ -63,7 +61,7 @@ class Started:
     @classmethod
     def to_each(
         cls, contact: Touching, obstacles: Sequence[Any], reach: float
-    ) -> tuple[Indices, "Started"]:
+    ) -> tuple[Integers, "Started"]:
         """Of nodes to every obstacle that is within reach [m]; with the node of each gap."""
         fields = [signed_distance(obstacle, contact.positions, 0.0) for obstacle in obstacles]
         own = [np.flatnonzero(gap <= reach) for gap, _ in fields]
@@ -96,7 +94,7 @@ class Gaps:
         updated: bool,
         pairs: Sequence[str],
         radius: Floats | float = 0.0,
-        nodes: Indices | None = None,
+        nodes: Integers | None = None,
     ) -> None:
         """Take the obstacle of each node.
 
@@ -200,13 +198,13 @@ class Gaps:
         """Forces on the contact nodes by those in the gaps (count, dim): here the same."""
         return forces
 
-    def units(self, rows: Indices, directions: Floats) -> Floats:
+    def units(self, rows: Integers, directions: Floats) -> Floats:
         """Forces on the nodes by unit forces in some gaps, (rows, ways, nodes, dim)."""
         found = np.zeros((*directions.shape[:2], *self._normal.shape))
         found[np.arange(len(rows)), :, rows] = directions
         return found
 
-    def entries(self, rows: Indices) -> tuple[Indices, Indices, Floats]:
+    def entries(self, rows: Integers) -> tuple[Integers, Integers, Floats]:
         """What some gaps weigh: place of the gap among them, node, weight, (entries,) each."""
         return np.arange(len(rows)), rows, np.ones(len(rows))
 
@@ -252,7 +250,7 @@ class Gaps:
         return gap - self.radius - np.einsum("ij,ij->i", normal, static), normal
 
     def _several(
-        self, nodes: Indices, there: Floats, static: Floats, time: float
+        self, nodes: Integers, there: Floats, static: Floats, time: float
     ) -> tuple[Floats, Floats]:
         """`at` where nodes have several gaps: forces act where they are looked at."""
         own = self.contact.obstacle

@@ -19,13 +19,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
+from impactfem.arrays import Floats
 from impactfem.contact.complementarity import solve_by_active_set
 from impactfem.errors import ConvergenceError
 
-Floats = NDArray[np.float64]
 Law = Literal["simultaneous", "sequential"]
 
 _MAX_BINARY = 100_000

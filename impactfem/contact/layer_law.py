@@ -91,8 +91,8 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import Solving, solve
 from impactfem.contact.rooted import Matrix, among, full
@@ -100,9 +100,6 @@ from impactfem.contact.speed_law import Halfway, expanded
 from impactfem.contact.springs import ContactSprings
 from impactfem.contact.theta import EXACT, balanced, fixed_point
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 Rule = Literal["conserving", "dissipative", "middle"]
 """theta as above, the larger of it and 1/2, or always 1/2."""
 

@@ -33,13 +33,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array, csr_array
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.broad_phase import candidates
 from impactfem.contact.mortar_faces import face_overlaps, face_ways
 from impactfem.contact.mortar_lines import line_overlaps, line_ways
 from impactfem.contact.mortar_surface import Overlap, Surface, unit
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _CHUNK = 10_000  # pairs of faces integrated at once: bounds the memory
 _ROUNDING = 1e-10  # share of coordinates that counts as nothing
@@ -60,13 +58,13 @@ class MortarPairs:
         faces: Faces of carrier and other that overlap, shape (overlaps, 2).
     """
 
-    nodes: Indices
+    nodes: Integers
     carrier_weights: csr_array
     other_weights: csr_array
     area: Floats
     normal: Floats
     gap: Floats
-    faces: Indices
+    faces: Integers
 
     @property
     def count(self) -> int:
@@ -99,7 +97,7 @@ def mortar(
     axisymmetric: bool = False,
     least: float = 1e-9,
     points: int | None = None,
-    pairs: Indices | None = None,
+    pairs: Integers | None = None,
 ) -> MortarPairs:
     """Match two surfaces at the present places of their nodes.
 
@@ -125,7 +123,7 @@ def mortar(
         pairs = faces_in_reach(carrier, other, reach, depth=depth)
     rule = points or _points(carrier, other, axisymmetric=axisymmetric)
 
-    parts: list[tuple[Indices, Overlap]] = []
+    parts: list[tuple[Integers, Overlap]] = []
     for begin in range(0, len(pairs), _CHUNK):
         some = pairs[begin : begin + _CHUNK]
         if carrier.dim == 2:
@@ -142,7 +140,7 @@ def mortar(
 
 def faces_in_reach(
     carrier: Surface, other: Surface, reach: float, *, depth: float | None = None
-) -> Indices:
+) -> Integers:
     """Pairs of faces that can meet, sorted, shape (pairs, 2); see `mortar` for the arguments."""
     ways = line_ways if carrier.dim == 2 else face_ways
     inwards = _inwards(carrier, reach, depth)
@@ -178,7 +176,7 @@ def _parallel(side: Surface) -> bool:
     return bool(skew <= _ROUNDING * np.abs(side.points).max(initial=0.0))
 
 
-def _select(overlap: Overlap, some: Indices) -> Overlap:
+def _select(overlap: Overlap, some: Integers) -> Overlap:
     return Overlap(
         overlap.carrier[some],
         overlap.other[some],
@@ -188,7 +186,7 @@ def _select(overlap: Overlap, some: Indices) -> Overlap:
     )
 
 
-def _visible(pairs: Indices, cover: Floats, gap: Floats) -> NDArray[np.bool_]:
+def _visible(pairs: Integers, cover: Floats, gap: Floats) -> NDArray[np.bool_]:
     """Pairs that are not behind others: the nearest, until the carrier's face is covered."""
     kept = np.ones(len(pairs), dtype=bool)
     if not len(pairs):
@@ -207,7 +205,7 @@ def _visible(pairs: Indices, cover: Floats, gap: Floats) -> NDArray[np.bool_]:
 def _gather(
     carrier: Surface,
     other: Surface,
-    parts: list[tuple[Indices, Overlap]],
+    parts: list[tuple[Integers, Overlap]],
     least: float,
     *,
     thickness: float,
@@ -257,9 +255,9 @@ class _Sum:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._shape = shape
-        self._entries: list[tuple[Indices, Indices, Floats]] = []
+        self._entries: list[tuple[Integers, Integers, Floats]] = []
 
-    def add(self, rows: Indices, columns: Indices, values: Floats) -> None:
+    def add(self, rows: Integers, columns: Integers, values: Floats) -> None:
         """Add blocks (pairs, rows of a block, columns of a block)."""
         at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
         entries = values.ravel(), tuple(place.ravel() for place in at)

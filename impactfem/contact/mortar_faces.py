@@ -11,15 +11,12 @@ parallelograms. On other quadrilaterals these are not polynomials in the plane.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import roots_jacobi
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.broad_phase import FACING
 from impactfem.contact.mortar_kernels import integrate
 from impactfem.contact.mortar_surface import Overlap, Surface, unit
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def face_ways(side: Surface) -> Floats:
@@ -28,7 +25,7 @@ def face_ways(side: Surface) -> Floats:
 
 
 def face_overlaps(
-    carrier: Surface, other: Surface, pairs: Indices, reach: float, depth: Floats, points: int
+    carrier: Surface, other: Surface, pairs: Integers, reach: float, depth: Floats, points: int
 ) -> Overlap:
     """Integrate over the overlaps of pairs of faces.
 

@@ -12,13 +12,10 @@ and a point x(s) of the overlap sees y_1 + e (y_2 - y_1) with a linear equation 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.broad_phase import FACING
 from impactfem.contact.mortar_surface import Overlap, Surface, unit
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _SMOOTH = float(np.cos(np.pi / 4))  # lines at a larger angle meet in an edge, with a normal each
 
@@ -46,7 +43,7 @@ def line_ways(side: Surface) -> Floats:
 def line_overlaps(
     carrier: Surface,
     other: Surface,
-    pairs: Indices,
+    pairs: Integers,
     reach: float,
     depth: Floats,
     points: int,

@@ -6,10 +6,10 @@ from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from impactfem.arrays import Floats, Integers
+
 Kind = Literal["interval", "triangle", "quadrilateral"]
 
 
@@ -68,7 +68,7 @@ class Surface:
     """
 
     points: Floats
-    faces: Indices
+    faces: Integers
     kind: Kind
     sides: Floats
 
@@ -83,7 +83,7 @@ class Surface:
         return 1 + _nodes(self.kind).index(self.faces.shape[1])
 
     @property
-    def corners(self) -> Indices:
+    def corners(self) -> Integers:
         """Corners of each face, shape (faces, corners)."""
         return self.faces[:, : _FACES[self.kind].corners]
 
@@ -93,7 +93,7 @@ class Surface:
         return _FACES[self.kind].bilinear
 
     @property
-    def parts(self) -> Indices:
+    def parts(self) -> Integers:
         """Nodes around each flat part of a face, shape (parts, corners)."""
         return np.array(_FACES[self.kind].parts[self.degree - 1], dtype=np.int64)
 

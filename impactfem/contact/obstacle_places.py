@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.ball_pairs import BallPair, Target
 from impactfem.contact.meeting import Anew, Meeting, Turning
 from impactfem.scene.obstacles.rotation import placement
-
-Floats = NDArray[np.float64]
 
 _STILL = Turning(None)  # obstacles take any moment
 

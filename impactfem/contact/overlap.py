@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.obstacle_places import edges
 from impactfem.contact.self_pairs import WithinBody
 from impactfem.scene.obstacles.rotation import Placement, placement
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 HALF_FACE = 0.5
 """Depth below faces, share of their width, at which a body in contact with itself is wrong."""

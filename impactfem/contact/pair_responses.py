@@ -6,12 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags, vstack
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.responses import Columns
 from impactfem.contact.rooted import Matrix, Rooted
 from impactfem.contact.sparse_rows import across, directed_roots, times
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 type Weights = Floats | csr_matrix
 

@@ -6,16 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.meeting import Led, Lent, Meet, Meeting, Turning
 from impactfem.contact.pair_responses import PairResponses, Weights, ranges
 from impactfem.contact.responses import Columns, Responses
 from impactfem.contact.sparse_rows import across, below, times
 from impactfem.contact.turning_gaps import TurningGaps
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
 
 _ENTRIES = 4096  # of weights that are kept as an array
 

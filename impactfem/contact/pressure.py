@@ -14,14 +14,10 @@ All pressures are >= 0, and zero in the middles that do not touch.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.boundary import Boundary
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _SIDE, _TRIANGLE = 3, 6  # nodes of faces of degree 2: ends or corners first, then middles
 _OPPOSITE = ((1, 2), (0, 2), (0, 1))  # corners beside the middles of a triangle's sides
@@ -43,7 +39,7 @@ def pressure_map(outside: Boundary, asked: Booleans, *, axisymmetric: bool) -> c
     return csr_matrix(diags_array(_inverse(outside.total(outside.areas, asked))))
 
 
-def _of_triangles(faces: Indices, areas: Floats, count: int) -> csr_matrix:
+def _of_triangles(faces: Integers, areas: Floats, count: int) -> csr_matrix:
     """The map for triangles of degree 2.
 
     A third of a triangle is the integral of the quadratic function of each middle and of the
@@ -61,7 +57,7 @@ def _of_triangles(faces: Indices, areas: Floats, count: int) -> csr_matrix:
     return csr_matrix(diags_array(_inverse(thirds)) @ tested)
 
 
-def _of_turned_sides(faces: Indices, areas: Floats, radius: Floats) -> csr_matrix:
+def _of_turned_sides(faces: Integers, areas: Floats, radius: Floats) -> csr_matrix:
     """The map for sides of degree 2 that turn about the axis.
 
     Their functions times the radius have the integrals of Simpson's rule.

@@ -4,16 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.facing import ROUNDING, Fields
 from impactfem.contact.reach import Reach
 from impactfem.errors import SceneError
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 
 def check_start(
@@ -62,7 +58,7 @@ def explain(
     obstacles: Sequence[Any],
     fields: Fields,
     able: Booleans,
-    chosen: Indices,
+    chosen: Integers,
     reach: Reach,
 ) -> tuple[str, ...]:
     """Count what was chosen and what was left out, by reasons and surfaces."""
@@ -114,7 +110,7 @@ def explain(
     return tuple(said)
 
 
-def _homes(outside: Boundary, faces: Booleans) -> Indices:
+def _homes(outside: Boundary, faces: Booleans) -> Integers:
     """The first surface of each node, seen from some faces; one past the last if there is none."""
     none = len(outside.names)
     home = np.full(len(outside.numbers), none)

@@ -6,10 +6,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.compiled import compiled
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 Columns = Callable[[Floats], tuple[Floats, Floats]]
 """Maps several forces on the contact nodes (several, count, dim) to their displacements at the end

@@ -10,19 +10,15 @@ catch on the end of the next one.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.convex_pairs import Marked, Placed
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting, Turning
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.obstacles.base import Ridges
 from impactfem.system.rigid import in_space
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _WIDER = 0.02  # sine by which directions may lie beside the normals: bodies turn in a layer
 

@@ -3,15 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.rooted_kernels import own_of, squares_of
 from impactfem.contact.sparse_rows import across, rows_of, times
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

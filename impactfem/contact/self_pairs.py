@@ -11,16 +11,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.spatial import KDTree
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.boundary import Boundary
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _STEPS = 3  # along the outside, from face to face by common nodes: nearer ones do not meet
 _ASLANT = (1.0, 0.618, 0.382)  # what two patches are told apart by at first: no plane of symmetry

@@ -1,13 +1,10 @@
 """Products of sparse matrices that change in every layer, without what SciPy asks of each."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.sparse_kernels import across_rows, directed_rows, times_rows
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 def rows_of(matrix: csr_matrix) -> tuple[Integers, Integers, Floats]:

@@ -14,12 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.contact.friction_newton import Obeying
 from impactfem.contact.springs import ContactSprings
 from impactfem.errors import ConvergenceError
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 _NEAR = 1e-3  # share of the depth below which changes of it lose digits in the quotient
 _EXACT = 1e-12  # share of the largest force by which the law may be missed

@@ -15,15 +15,11 @@ beyond the work of the force of one end. With p = 1 the spring is a compliance 1
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.friction_newton import Obeying
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding, by_limits
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _EXACT = 1e-14  # share of the largest force by which the law may be missed
 _LEAST = 1e-12  # share of the deepest gap from which on a spring counts as pressed

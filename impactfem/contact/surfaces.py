@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.boundary import Boundary, everywhere
 from impactfem.contact.facing import ROUNDING, gap_fields
 from impactfem.contact.pressure import pressure_map
 from impactfem.contact.reach import Reach
 from impactfem.contact.reasons import check_start, explain
 from impactfem.errors import SceneError
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _GRAZING = 0.05  # least facing for which the way along the node's own normal is told
 
@@ -44,17 +42,17 @@ class ContactNodes:
         why: What was left out for which reason, in sentences for the plan.
     """
 
-    numbers: Indices
+    numbers: Integers
     positions: Floats
     outward: Floats
     gap: Floats
     normal: Floats
-    obstacle: Indices
+    obstacle: Integers
     area: Floats
     pressures: csr_matrix
-    nodes: Indices
-    rows: Indices
-    watched: Indices
+    nodes: Integers
+    rows: Integers
+    watched: Integers
     why: tuple[str, ...]
 
     @property
@@ -67,7 +65,7 @@ def contact_nodes(
     comm: Any,
     outside: Boundary,
     obstacles: Sequence[Any],
-    numbers: Indices,
+    numbers: Integers,
     constrained: ArrayLike,
     displacement: ArrayLike,
     reach: Reach,
@@ -159,7 +157,7 @@ def _asked(outside: Boundary, surfaces: Collection[str], name: str) -> NDArray[n
     return outside.on(surfaces)
 
 
-def _first_met(way: Floats) -> Indices:
+def _first_met(way: Floats) -> Integers:
     """Row of the smallest value in each column; of those equal to rounding the first."""
     chosen = np.zeros(way.shape[1], dtype=np.int64)
     least = way[0].copy()

@@ -13,12 +13,8 @@ convex, piecewise linear and falling. Where no w_j is positive its root is
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
-
-Floats = NDArray[np.float64]
 
 EXACT = 1e-14
 """Error of the energy that theta leaves, as a share of the contact energy."""

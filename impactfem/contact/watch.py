@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.distance import signed_distance
 from impactfem.contact.surfaces import ContactNodes
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ def penetration_of_others(
     comm: Any,
     contact: ContactNodes,
     obstacles: Sequence[Any],
-    numbers: Indices,
+    numbers: Integers,
     places: Floats,
     time: float,
 ) -> Penetration | None:

@@ -5,11 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Integers
 from impactfem.fem.loading import PETSc, dolfinx_fem
 from impactfem.fem.ranks import gather
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class RepeatedMatrix:

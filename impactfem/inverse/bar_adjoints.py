@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.inverse.bar_readings import Added, Reading, ReadRun, read_numbers
 from impactfem.inverse.local_slopes import Local, slopes
@@ -20,7 +21,6 @@ from impactfem.scene import Scene
 from impactfem.system.chain import Chain
 from impactfem.system.fronts import starts_as_waves
 
-Floats = NDArray[np.float64]
 Marks = NDArray[np.int8]
 
 _STILL = 1e-9  # share of the largest derivative of a gap below which nothing is moved

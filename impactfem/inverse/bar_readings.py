@@ -4,8 +4,8 @@ from collections.abc import Callable
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
 from impactfem.marching.given import Given
@@ -13,8 +13,6 @@ from impactfem.result.bar_motion import BarMotion
 from impactfem.scene import Bar, Scene, Term
 from impactfem.system.fronts import speeds_at_levels
 from impactfem.system.sections import row_loads
-
-Floats = NDArray[np.float64]
 
 
 class Reading:

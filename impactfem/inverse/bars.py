@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.exact.row_bar import PIECES
 from impactfem.inverse.outcomes import Outcome
@@ -21,8 +21,6 @@ from impactfem.runs.bar_rows import exact_row_motion, of_pairs
 from impactfem.runs.line_probes import bar_probes
 from impactfem.scene import Scene
 from impactfem.sizing import DEFAULT_ELEMENTS
-
-Floats = NDArray[np.float64]
 
 _STEP = 1e-4  # share of a parameter, the longer of two differences
 _FEW = 4  # unknowns whose neighbours are compared one by one

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import OutputError
 from impactfem.result.record import Record
 from impactfem.scene import Scene
@@ -13,8 +13,6 @@ from impactfem.scene.inverse import Measure
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-
-Floats = NDArray[np.float64]
 
 _MOST = 1_000_000  # lines of a file
 

@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import FolderError, OutputError
 from impactfem.inverse.steps import Slopes
 from impactfem.processes import on_root
 from impactfem.scene import Scene
-
-Floats = NDArray[np.float64]
 
 NAME = "search.npy"
 

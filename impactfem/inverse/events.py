@@ -6,8 +6,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
@@ -24,8 +24,6 @@ from impactfem.vibro.event_driven import EventSettings, follow
 from impactfem.vibro.event_legs import Leg
 from impactfem.vibro.event_record import Record
 from impactfem.vibro.tangents import Tangents, tangents
-
-Floats = NDArray[np.float64]
 
 _RTOL = 1e-12  # of flights: searches and checks look at small differences of runs
 _STEP = 1e-5  # share of a parameter between neighbours: their square is lost beside rounding

@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.inverse.steps import Slopes
 from impactfem.inverse.varied import Varied
 from impactfem.methods import METHODS
 from impactfem.scene import Scene
-
-Floats = NDArray[np.float64]
 
 GOOD_RATE = 1.8
 """Least rate at which Taylor remainders of a right gradient fall, where 2 is expected."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.inverse.bars import BarRuns, differences, reader
 from impactfem.inverse.outcomes import Outcome
@@ -29,7 +30,6 @@ from impactfem.runs.line_probes import bar_probes
 from impactfem.scene import Scene
 from impactfem.system.spring_wall import wall_gap
 
-Floats = NDArray[np.float64]
 Marks = NDArray[np.int8]
 
 _WEAK = 1e-9  # share of the largest merit below which a pair is neither pressed nor apart

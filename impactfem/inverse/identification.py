@@ -6,17 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2, t
 
+from impactfem.arrays import Floats
 from impactfem.inverse.data import Data
 from impactfem.inverse.gradients import TaylorCheck, check_as_dict, kinks, taylor_check
 from impactfem.inverse.residuals import Residuals
 from impactfem.inverse.search import Iteration, begun
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
-
-Floats = NDArray[np.float64]
 
 _UNLIKELY = 1e-3  # probability below which misfits do not fit their standard deviations
 _FLAT = 1e-12  # least share of a singular value of a direction that the data determine

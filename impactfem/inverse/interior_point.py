@@ -6,11 +6,9 @@ from importlib import import_module
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
-
-Floats = NDArray[np.float64]
 
 _ACCEPTED = {"Solve_Succeeded", "Solved_To_Acceptable_Level"}
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.inverse.bar_adjoints import Adjoints
 from impactfem.inverse.bars import apart, differences
 from impactfem.inverse.held_sets import HeldSets, Marks, check_one_bar, rebound_level
@@ -16,8 +16,6 @@ from impactfem.planning import Plan
 from impactfem.result.bar_motion import BarMotion
 from impactfem.runs.bars import layers_of_mesh
 from impactfem.scene import Scene
-
-Floats = NDArray[np.float64]
 
 _MANY = 10  # numbers for each unknown, each a sweep, that still take less than runs beside it
 

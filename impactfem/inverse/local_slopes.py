@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import SceneError
 from impactfem.inverse.steps import Changes
 from impactfem.scene import Control, Scene
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _STEP = 1e-3  # share of an unknown, the longer of two central differences
 _ROUNDING = 1e-13  # of an array, as a share of its largest value

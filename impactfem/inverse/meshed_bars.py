@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, MeshError, SceneError
 from impactfem.inverse.held_sets import HeldSets, Marks, check_one_bar
 from impactfem.inverse.layered_bars import LayeredBars
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from impactfem.mesh.spacetime import SpaceTimeMesh
     from impactfem.spacetime.discontinuous import DiscontinuousSettings
 
-Floats = NDArray[np.float64]
 
 _BESIDE = 1e-4  # share of an unknown over which is looked whether times move
 _SAME = 1e-9  # share of the duration by which times may differ that are the same

@@ -6,17 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.inverse.gradients import TaylorCheck, check_as_dict, kinks, taylor_check
 from impactfem.inverse.search import Iteration, begun
 from impactfem.inverse.solvers import CONSTRAINED, SOLVERS, Problem
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
-
-Floats = NDArray[np.float64]
 
 _AGREES = 1e-6  # share of J by which a plan of the answer's own may tell another
 _STATIONARY = 1e-4  # of the first gradient, below which the last one counts as none

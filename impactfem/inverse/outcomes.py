@@ -4,11 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.result.table import Table
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,8 @@
 """Figures of a pulse of force whose bar presses a spring: smooth in what it depends on."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from impactfem.arrays import Floats
 
 
 def pressed_time(times: Floats, places: Floats) -> float:

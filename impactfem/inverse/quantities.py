@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.inverse.data import Data, data_of
 from impactfem.inverse.outcomes import Outcome
@@ -13,8 +14,6 @@ from impactfem.scene import Limit, Scene, Term
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-
-Floats = NDArray[np.float64]
 
 _AXES = "xyz"
 

@@ -1,12 +1,10 @@
 """Residuals of misfits, and the two ways in which their squares become least."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
+from impactfem.arrays import Floats
 from impactfem.inverse.search import Search
-
-Floats = NDArray[np.float64]
 
 _FAILED = 1e6  # times the largest misfit so far: what a run that fails counts as
 _HALVINGS = 30  # of a Gauss-Newton step that makes nothing less

@@ -5,15 +5,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.inverse.evaluations import Evaluations
 from impactfem.inverse.steps import Slopes
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

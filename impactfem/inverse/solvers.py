@@ -6,16 +6,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.inverse.interior_point import by_ipopt
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.residuals import Residuals
 from impactfem.inverse.search import Search
-
-Floats = NDArray[np.float64]
-Marks = NDArray[np.bool_]
 
 _FAILED = 1e6  # times the largest objective so far: what a run that fails counts as
 _FLAT = 1e-2  # times the tolerance: share of the first gradient that may be left
@@ -156,12 +153,12 @@ def _by_slsqp(problem: Problem) -> Found:
     return problem.place(found.x), found.status in {0, _NOTHING_LESS}, str(found.message)
 
 
-def _within(problem: Problem, rows: Marks, factors: Floats, side: Floats, s: Floats) -> Floats:
+def _within(problem: Problem, rows: Booleans, factors: Floats, side: Floats, s: Floats) -> Floats:
     """How far terms are within one of their limits, in their sizes."""
     return np.asarray(factors * (problem.limited(s) - side)[rows])
 
 
-def _within_slope(problem: Problem, rows: Marks, factors: Floats, s: Floats) -> Floats:
+def _within_slope(problem: Problem, rows: Booleans, factors: Floats, s: Floats) -> Floats:
     return np.asarray(factors[:, None] * problem.limited_slope(s)[rows])
 
 

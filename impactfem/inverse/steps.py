@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.scene import Scene
-
-Floats = NDArray[np.float64]
 
 CENTRAL = (np.array([1.0, -1.0]), np.array([0.5, -0.5]))
 FORWARD = (np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]))

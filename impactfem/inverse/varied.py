@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.inverse.bars import BarRuns
 from impactfem.inverse.evaluations import Evaluations
@@ -23,8 +23,6 @@ from impactfem.planning import Plan, plan
 from impactfem.scene import Scene
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

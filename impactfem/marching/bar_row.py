@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching.bar_row_kernels import two_step_row
 from impactfem.marching.row_wave_kernels import conserving_row
 from impactfem.marching.waves import Delay, left_ends
@@ -14,8 +15,6 @@ from impactfem.result.bar_row_motion import RowMotion, pair_labels
 from impactfem.scene import Bar
 from impactfem.system.chain import Chain
 from impactfem.system.fronts import row_energies
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from impactfem.arrays import Floats
 from impactfem.errors import OutputError
 from impactfem.fem import on_root
-from impactfem.marching.collect import Collector, Floats, total
+from impactfem.marching.collect import Collector, total
 from impactfem.marching.rows import OF_RANKS
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.result.store import CHECKPOINT, in_mib

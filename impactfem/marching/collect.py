@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.fem import MPI
-
-Floats = NDArray[np.float64]
 
 
 class Collector:

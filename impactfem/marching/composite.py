@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_matrix
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.contact.pair_responses import Roots
 from impactfem.errors import SceneError
 from impactfem.marching.layers import Interior, Rolling, Stepper, Sums
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 
 class Bodies[P: Stepper]:

@@ -15,16 +15,13 @@ march does; its tangent and what was found of its inverse serve for many levels.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.followed_pair import FAR
 from impactfem.errors import ConvergenceError
 from impactfem.marching.level_forces import LevelForces
 from impactfem.marching.level_march import MOST, SLOW, USUAL, LevelMarch
 from impactfem.marching.rubbing import frames, in_space, obeying, turned
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _REGULAR = 1e-12  # share of the largest compliance below which a gap does not yield
 

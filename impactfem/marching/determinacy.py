@@ -5,17 +5,14 @@ from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.friction_kernels import sweep_cones
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solutions import MOST_PAIRS, all_solutions, dependent, jams
 from impactfem.contact.rooted import full
 from impactfem.findings import Finding
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MOST = 60  # pairs up to which dependent forces are looked for
 _TAKEN = ("the contact opens", "an impulse that ends the slip", "slip under the larger force")

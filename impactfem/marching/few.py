@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.errors import ConvergenceError
 from impactfem.findings import STRAIN_LIMITS, Finding, by_limits, percent
@@ -27,10 +27,6 @@ from impactfem.scene import PiecewiseVector
 from impactfem.system.few import FewBodies, Lumped
 from impactfem.system.generalized import LinearSystem
 from impactfem.system.stations import Stations
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _MOST_ITERATIONS = 50
 _EPS, _TINY = 4.0 * float(np.finfo(float).eps), float(np.finfo(float).tiny)

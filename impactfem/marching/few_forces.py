@@ -3,12 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.system.beam_load import BeamForces
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
-
-Floats = NDArray[np.float64]
 
 _SHARE_OF_SIZE = 1e-6  # of coordinates and speeds by which forces are differentiated
 

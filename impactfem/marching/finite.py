@@ -15,8 +15,8 @@ momentum are kept to rounding in flight, and in contact as far as its law does
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI, products_in_order
 from impactfem.marching.finite_body import FiniteBody
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from impactfem.system.linear import LinearSolver
     from impactfem.system.step_solvers import StepSolver
 
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 _SHARE = 1e-3  # of the inertia that sets the scale of forces, where a body flies without strain
 _SLOW = 0.1  # share of its fault that an iterate may leave before the tangent is renewed

@@ -4,8 +4,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.fem import MPI
 from impactfem.marching.layers import Sums
 from impactfem.marching.turning import Turning
@@ -14,8 +14,6 @@ from impactfem.system.elastic import ElasticSystem
 from impactfem.system.finite_statics import FiniteAtRest
 from impactfem.system.rigid_modes import spun, unit_spins
 from impactfem.system.surface import SurfaceNodes
-
-Floats = NDArray[np.float64]
 
 _TURNS = {2: ([0], [1]), 3: ([1, 2, 0], [2, 0, 1])}  # of a p^T in the moments a x p
 

@@ -18,8 +18,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI, PETSc
 from impactfem.marching.finite_body import FiniteBody
@@ -34,10 +34,6 @@ from impactfem.system.inward import Inward
 from impactfem.system.moments import lumped_moments
 from impactfem.system.surface import SurfaceNodes
 from impactfem.system.surface_layer import SurfaceLayer
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _SHARE = {2: 0.01, 3: 0.1}  # of the forces on the surface that its solver leaves
 _STABLE = 0.9  # share of the stable step up to which layers are taken whole

@@ -5,6 +5,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching import kernels
 from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.system.chain import Chain
@@ -12,7 +13,6 @@ from impactfem.system.ends import end_means, end_ways
 from impactfem.system.fronts import element_speeds
 from impactfem.system.sections import lumped, node_loads, row_loads
 
-Floats = NDArray[np.float64]
 Marks = NDArray[np.int8]
 
 

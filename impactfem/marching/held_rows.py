@@ -4,12 +4,10 @@ from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching.stations import Counting, Motion
 from impactfem.system.stations import Stations
-
-Floats = NDArray[np.float64]
 
 _SETTLED = 1e-13  # change of rates of stations by forces that are not linear
 

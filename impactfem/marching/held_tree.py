@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching.held_rows import HeldByRows
 from impactfem.marching.stations import Motion
 from impactfem.system.stations import Stations
@@ -27,7 +27,6 @@ from impactfem.system.tree import cross
 if TYPE_CHECKING:
     from impactfem.marching.mechanism import MechanismMidpoint
 
-Floats = NDArray[np.float64]
 
 _SETTLED = 1e-13  # change of rates of stations by forces that are not linear
 _ROUNDS = 16.0 * float(np.finfo(float).eps)  # of places, by which ways in a layer round

@@ -9,12 +9,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching.layers import Interior, Sums
 from impactfem.marching.meshless import Meshless
-
-Floats = NDArray[np.float64]
 
 SHARE = 1e-3
 """Of rates that sets their scale where nothing changes."""

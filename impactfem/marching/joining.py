@@ -11,8 +11,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.marching.composite import Bodies
 from impactfem.marching.joint_kernels import FAST, FOUND, joined
@@ -31,8 +31,6 @@ from impactfem.system.joint_kernels import (
 )
 from impactfem.system.joints import Joints
 from impactfem.system.stations import couples
-
-Floats = NDArray[np.float64]
 
 _MOST = 50  # looks for forces by formula, and for what slips, stops or lets go in a layer
 _ROUNDING = 64.0 * float(np.finfo(float).eps)  # of places in a row

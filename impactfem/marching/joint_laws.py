@@ -11,12 +11,9 @@ States are found as active sets are: all that is wrong changes, later the first 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.system.mechanism import Joints
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 FREE, LOWER, UPPER, STICKS, FORTH, BACK = range(6)
 """States of a joint: those of its limits, and of its friction by the sign of its rate."""

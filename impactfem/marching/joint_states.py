@@ -10,12 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene.means import StepMean
 from impactfem.system.joints import Joints
-
-Floats = NDArray[np.float64]
 
 _SETTLED = 1e-12  # change of a motor's force, as a share of it
 _ALL_AT_ONCE = 10  # looks in a layer

@@ -9,13 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching.composite import Composite
 from impactfem.marching.joining import Joining
 from impactfem.marching.layers import Interior, Sums
 from impactfem.marching.stations import Held
 from impactfem.system.joints import Joints
-
-Floats = NDArray[np.float64]
 
 
 class Jointed(Joining[Interior], Composite):

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching.joining import Joining
 from impactfem.marching.layers import Sums
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
@@ -21,7 +21,6 @@ from impactfem.system.joints import Joints
 if TYPE_CHECKING:
     from impactfem.marching.iterated import Iterated
 
-Floats = NDArray[np.float64]
 
 _ROUNDED = 4.0  # times by which rows of joints are met, for speeds
 

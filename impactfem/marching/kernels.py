@@ -5,11 +5,8 @@ filled from row ``first`` on, so that a window of layers can be solved again wit
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem.compiled import compiled
-
-Floats = NDArray[np.float64]
 
 DECIDE = -1
 """Mark of a layer in which the loop itself decides whether contact is active."""

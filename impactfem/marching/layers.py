@@ -4,16 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.pair_responses import Roots
 from impactfem.contact.responses import Columns
 from impactfem.contact.rooted import Matrix
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 
 @dataclass

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.compiled import compiled
 from impactfem.marching.layers import Sums
 from impactfem.marching.turning import Turning
@@ -20,8 +21,6 @@ from impactfem.system.elastic import ElasticSystem
 from impactfem.system.massless import lumped_mass
 from impactfem.system.matrices import to_blocked
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
-
-Floats = NDArray[np.float64]
 
 _WHOLE_COLUMNS = 64  # sums of more columns cost more than two solves with the surface's stiffness
 

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.rubbing import in_space, told, turned
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,17 +14,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
 from impactfem.marching.leapfrog_bodies import LevelStepper
 from impactfem.marching.level_forces import LevelForces
 from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 USUAL = {2: 3, 3: 2}  # iterates of a level; in the plane they cost little
 MOST = 20

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.active_set import ActiveSetResult, primal_dual_active_set
 from impactfem.marching import kernels, negative_control, wave_kernels
 from impactfem.marching.waves import Waves
@@ -18,8 +19,6 @@ from impactfem.system.fronts import element_speeds, starts_as_waves
 from impactfem.system.sections import node_loads, row_loads
 from impactfem.system.spring_wall import wall_energy, wall_gap
 from impactfem.system.works import works
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ The forces of a layer on its contact nodes have the power F.J v, J of the places
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.marching.held_tree import Chords, HeldTree
 from impactfem.marching.iterated import SHARE, by_energy
@@ -33,9 +33,6 @@ from impactfem.scene import PiecewiseVector
 from impactfem.system.mechanism import Arm
 from impactfem.system.stations import Stations
 from impactfem.system.tree import cross
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MOST, _SETTLED = 100, 1e-14  # iterates of a layer, and their change as a share of the rates
 _EPSILON = float(np.finfo(float).eps)

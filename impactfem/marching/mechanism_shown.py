@@ -1,16 +1,13 @@
 """What columns, files and pictures show of a mechanism: its joints, and the shapes of its links."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.marching.pictured import Pictured
 from impactfem.result.history import LOST
 from impactfem.scene import PiecewiseVector
 from impactfem.system.mechanism import Arm
 from impactfem.system.tree import cross
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class ShownMechanism(Pictured):

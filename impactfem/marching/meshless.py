@@ -3,14 +3,10 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.pair_responses import Roots
 from impactfem.scene import PiecewiseVector
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
 
 _ROUNDS = 4.0 * float(np.finfo(float).eps)  # by which times round
 

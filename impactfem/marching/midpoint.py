@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.fem import MPI, products_in_order
 from impactfem.marching.layers import Sums
 from impactfem.marching.turning import Turning
@@ -23,8 +24,6 @@ from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
 from impactfem.system.massless import transferred
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
-
-Floats = NDArray[np.float64]
 
 _COLUMN_BYTES = 2**28  # kept answers to unit forces; beyond this a layer solves once more
 

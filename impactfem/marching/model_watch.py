@@ -7,13 +7,11 @@ from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS
 from impactfem.marching.rows import Level
 from impactfem.system.stretches import Look
-
-Floats = NDArray[np.float64]
 
 _LEAST, _MOST, _APART = 50, 200, 50
 """A run is looked at between 50 and 200 times, in between every 50 layers: a look costs about as

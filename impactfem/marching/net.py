@@ -12,10 +12,10 @@ schemes for stiff dynamical systems (ASME 93-WA/PVP-4, 1993).
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import splu
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.marching.few import FewInterior
 from impactfem.marching.iterated import SHARE
@@ -23,8 +23,6 @@ from impactfem.marching.layers import Sums
 from impactfem.marching.meshless import step_length
 from impactfem.scene import PiecewiseVector
 from impactfem.system.net import Net
-
-Floats = NDArray[np.float64]
 
 _MOST = 60  # iterates of a layer
 _SETTLED = 2.0**-51  # their change, as a share of the velocities and of what rounding moves

@@ -3,13 +3,10 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.marching.composite import Bodies
 from impactfem.marching.layers import Stepper
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 
 class NewtonStepper(Stepper, Protocol):

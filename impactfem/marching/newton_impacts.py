@@ -12,10 +12,8 @@ that leave (w_a > 0) e = 1 stands in, where it is 0.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
+from impactfem.arrays import Booleans, Floats
 
 _SHARE = 1e-3  # of a step, over which speeds of obstacles are measured
 

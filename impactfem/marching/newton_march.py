@@ -20,8 +20,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.spring_steps import SpringStep
 from impactfem.contact.springs import unresolved
@@ -32,10 +32,6 @@ from impactfem.marching.newton_impacts import arriving, obstacle_speed, way_ahea
 from impactfem.marching.newton_steps import LayerSums, Step
 from impactfem.marching.rubbing import frames, held_by_static, in_space, obeying, turned
 from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _ITERATES = 25
 _PAIRED = 1  # iterates that still change who meets whom: all would keep others from settling

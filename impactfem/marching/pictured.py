@@ -1,15 +1,12 @@
 """What bodies of rigid parts show: their contact nodes, and cells that fill them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.closest import shares_inside
 from impactfem.marching.few import FewInterior
 from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, Shape
 from impactfem.system.rigid import in_space
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _NEAR, _ROUND = 1e-9, 0.05  # how far a probe may lie out of the flat or round cells of a picture
 

@@ -16,10 +16,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
+from impactfem.arrays import Floats
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.layers import Sums
 from impactfem.marching.plate_shown import ShownPlate
@@ -29,9 +29,6 @@ from impactfem.scene import PiecewiseVector
 from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate import PlateSystem
 from impactfem.system.surface import CHOLESKY
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _STIFFENING = 0.488
 """By which a clamped disc is stiffer if it deflects by its thickness: w^3 term of q over the linear

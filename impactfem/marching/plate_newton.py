@@ -15,17 +15,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from impactfem.arrays import Floats
 from impactfem.marching.layers import Sums
 from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.plate_step import PlateStep
 from impactfem.scene import PiecewiseVector
 from impactfem.system.plate import PlateSystem
 from impactfem.system.plate_damping import Answer
-
-Floats = NDArray[np.float64]
 
 _ACCURACY = 1e-11  # of forces
 _ROUNDING = 1e-15  # of the sums of a product with the stiffness

@@ -3,16 +3,13 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.closest import shares_inside
 from impactfem.marching.few import FewInterior
 from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, VECTOR, Shape
 from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate import PlateSystem
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _NEAR = 1e-9  # share of the plate's size by which a probe may lie off its mid-surface
 

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate import PlateSystem
@@ -16,7 +16,6 @@ from impactfem.system.surface import CHOLESKY
 if TYPE_CHECKING:
     from impactfem.marching.plate import PlateMidpoint
 
-Floats = NDArray[np.float64]
 
 _FREE = 1e-9  # share below which supports take nothing of a motion, or springs resist it by nothing
 

@@ -17,14 +17,12 @@ the solution without C_m they shrink by nu g / (w^2 + mu + nu g).
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import SuperLU, splu
 
+from impactfem.arrays import Floats
 from impactfem.system.plate import PlateSystem
 from impactfem.system.surface import CHOLESKY
-
-Floats = NDArray[np.float64]
 
 
 class PlateStep:

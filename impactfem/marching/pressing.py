@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.complementarity import Solver
 from impactfem.contact.springs import ContactSprings
 from impactfem.marching.layers import Answers
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.marching.layers import ContactGaps
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Turnable(Protocol):

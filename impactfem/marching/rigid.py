@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.pair_responses import Roots
 from impactfem.errors import ConvergenceError
 from impactfem.marching.iterated import SHARE
@@ -29,9 +30,6 @@ from impactfem.marching.rigid_sums import about_axes, applied, no_sums, on_bodie
 from impactfem.marching.turn_kernels import LARGEST
 from impactfem.scene import PiecewiseVector
 from impactfem.system.rigid import Rigid, in_space
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _REMEMBERED = ("centre", "angles", "speed", "spin", "normals", "lowest")
 _ROUNDS = 16.0  # by which impulses round

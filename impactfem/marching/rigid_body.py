@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.marching.few import FewInterior
 from impactfem.marching.pictured import Pictured
 from impactfem.marching.rigid import RigidBodies
@@ -13,9 +13,6 @@ from impactfem.marching.stations import Held, HeldRigid
 from impactfem.scene import PiecewiseVector
 from impactfem.system.rigid import Rigid, frame, in_space
 from impactfem.system.stations import Stations
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class RigidMidpoint(Pictured):

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching.layers import Sums
-
-Floats = NDArray[np.float64]
 
 
 def sums_of(

@@ -6,12 +6,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.marching.layers import Stepper, Sums
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Level:

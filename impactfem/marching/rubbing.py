@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.friction_newton import ConeProblem, Springs
 from impactfem.contact.friction_solver import Solving, solve
@@ -16,10 +17,6 @@ from impactfem.contact.speed_law import Halfway
 from impactfem.contact.springs import ContactSprings
 from impactfem.marching.resisting import Moments
 from impactfem.marching.schemes import SolidScheme
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

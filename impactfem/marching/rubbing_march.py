@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.findings import Finding
 from impactfem.marching.composite import Composite
@@ -23,9 +23,6 @@ from impactfem.marching.rubbing import (
 )
 from impactfem.marching.solids import SolidMarch
 from impactfem.marching.time_loop import LoopSettings
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _REMEMBERED = ("tangential", "older_tangential", "place", "older_place", "stuck")
 _STILL = 1e-12  # share of the largest speed that counts as none at t = 0

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.layer_law import Layer, keeping, solve_layer
 from impactfem.contact.speed_law import Halfway, rebound
@@ -14,10 +14,6 @@ from impactfem.findings import Finding
 from impactfem.marching.determinacy import Determinacy
 from impactfem.marching.layers import Answers, Interior, Rolling
 from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 
 class SolidMarch(TimeLoop[Interior]):

@@ -22,16 +22,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.fem import MPI
 from impactfem.findings import percent
 from impactfem.marching.layers import Answers, ContactGaps
 from impactfem.marching.pressing import Pressing
 from impactfem.marching.resting import Rest, Resting
-
-Floats = NDArray[np.float64]
 
 _SETTLED = 1e-12  # share of the forces that may be left unbalanced
 _ROUNDING = 1e-7  # the same where rounding lets no pass better it

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.system.stations import Stations
 
 if TYPE_CHECKING:
     from impactfem.marching.rigid import RigidBodies
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.complementarity import Solver
 from impactfem.contact.friction_solver import Solving
 from impactfem.contact.springs import ContactSprings
@@ -19,10 +19,6 @@ from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.rows import Level, Rows
 from impactfem.marching.rubbing import Friction
 from impactfem.marching.schemes import SolidScheme
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _CHECKED = 32  # layers between checks that all numbers are finite
 

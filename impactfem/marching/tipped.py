@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Floats
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.layers import Sums
 from impactfem.marching.midpoint import Midpoint
@@ -19,8 +19,6 @@ from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
 from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
-
-Floats = NDArray[np.float64]
 
 
 class TippedMidpoint(Midpoint):

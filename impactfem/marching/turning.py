@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.fem import MPI
 from impactfem.system.rigid_modes import unit_spins
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

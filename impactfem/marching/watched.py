@@ -3,13 +3,10 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.findings import Finding
 from impactfem.system.few import FewBodies
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Watched:

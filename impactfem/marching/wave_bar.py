@@ -9,8 +9,8 @@ who falls freely, for whom a clamped end rises.
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import SceneError
 from impactfem.marching.few import FewInterior
 from impactfem.marching.layers import Sums
@@ -18,9 +18,6 @@ from impactfem.marching.wave_bar_kernels import arriving_means, end_layer, integ
 from impactfem.marching.waves import Delay, left_ends
 from impactfem.scene import PiecewiseVector
 from impactfem.system.few import ElasticBar
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _NODES = 200  # elements of the fields
 _NOTHING = np.zeros(0)

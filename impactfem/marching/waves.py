@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.exact import initial
 from impactfem.exact.pieces import Line
 from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.system.ends import end_means
-
-Floats = NDArray[np.float64]
 
 _LEAST_PIECES = 256  # of an initial state that is not linear
 _TOLERANCE = 1e-11  # of displacements that they leave

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError
 from impactfem.mesh.raw import (
     Cell,
@@ -25,9 +25,6 @@ from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.sizes import ball_field, options
 from impactfem.reading.holdings import Holdings
 from impactfem.reading.opening import Job, opened
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _ENDINGS = (".geo", ".msh", ".step", ".stp")
 _MILLIMETRE = 1e-3  # in m: OpenCASCADE's tolerances are made for lengths in mm
@@ -180,7 +177,7 @@ class _Reader:
         surfaces = self._on_boundary(raw, groups, used)
         return replace(raw, surfaces=surfaces, source=self._source(raw, surfaces))
 
-    def _source(self, raw: RawMesh, surfaces: Mapping[str, Indices]) -> Source:
+    def _source(self, raw: RawMesh, surfaces: Mapping[str, Integers]) -> Source:
         """What the file holds and what of it is used."""
         holdings, dim = self.holdings, self.dim
         sides = [g for g in holdings.of_dim(dim - 1) if g.name in surfaces]
@@ -223,9 +220,9 @@ class _Reader:
         found = (model.getEntitiesForPhysicalGroup(dim, tag) for _, tag in groups)
         return sorted({int(tag) for tags in found for tag in tags})
 
-    def _cells(self, entities: Sequence[int], number: Numbering) -> tuple[int, Indices]:
+    def _cells(self, entities: Sequence[int], number: Numbering) -> tuple[int, Integers]:
         """Kind of the elements, and their nodes in DOLFINx's order."""
-        found: dict[int, list[Indices]] = {}
+        found: dict[int, list[Integers]] = {}
         for entity in entities:
             kinds, _, lists = self.gmsh.model.mesh.getElements(self.dim, entity)
             for kind, nodes in zip(kinds, lists, strict=True):
@@ -247,11 +244,11 @@ class _Reader:
             )
         cell, degree = _KINDS[kind]
         nodes = len(fem.reference_nodes(cell, degree))
-        cells: Indices = np.concatenate(found[kind]).reshape(-1, nodes)
+        cells: Integers = np.concatenate(found[kind]).reshape(-1, nodes)
         return kind, cells[:, fem.from_gmsh_order(cell, nodes)]
 
     def _check_loose(
-        self, entities: Sequence[int], number: Numbering, cells: Indices, count: int
+        self, entities: Sequence[int], number: Numbering, cells: Integers, count: int
     ) -> None:
         """Refuse nodes of the body that no element has; centres of arcs and the like are none."""
         used = np.zeros(count, dtype=bool)
@@ -266,7 +263,7 @@ class _Reader:
                     "; remove them, or mesh again"
                 )
 
-    def _in_plane(self, points: Floats, cells: Indices) -> Floats:
+    def _in_plane(self, points: Floats, cells: Integers) -> Floats:
         """Coordinates of the body: (x, y, z), (x, y) or (r, y)."""
         used = points[np.unique(cells)]
         extent = np.ptp(used, axis=0).max()
@@ -283,10 +280,10 @@ class _Reader:
             plane[np.abs(plane[:, 0]) <= _OFF_PLANE * extent, 0] = 0.0
         return plane
 
-    def _groups(self, number: Numbering) -> dict[str, Indices]:
+    def _groups(self, number: Numbering) -> dict[str, Integers]:
         """Vertices of the facets of each physical group of the boundary."""
         mesh, side = self.gmsh.model.mesh, self.dim - 1
-        groups: dict[str, Indices] = {}
+        groups: dict[str, Integers] = {}
         for _, group in self.gmsh.model.getPhysicalGroups(side):
             name = self.gmsh.model.getPhysicalName(side, group) or str(group)
             rows = [groups[name]] if name in groups else []
@@ -305,16 +302,16 @@ class _Reader:
         return groups
 
     def _on_boundary(
-        self, raw: RawMesh, groups: Mapping[str, Indices], used: Collection[str]
-    ) -> dict[str, Indices]:
+        self, raw: RawMesh, groups: Mapping[str, Integers], used: Collection[str]
+    ) -> dict[str, Integers]:
         """Surfaces that lie on the boundary; others must not be used."""
         each = cell_facets(raw)
-        facets: Indices = each.reshape(-1, each.shape[2])
+        facets: Integers = each.reshape(-1, each.shape[2])
         fitting = {name: rows for name, rows in groups.items() if rows.shape[1] == each.shape[2]}
         keys, *wanted = facet_keys(facets, *fitting.values())
         present, first, counts = np.unique(keys, return_index=True, return_counts=True)
         outer = present[counts == 1]
-        surfaces: dict[str, Indices] = {}
+        surfaces: dict[str, Integers] = {}
         for (name, rows), own in zip(fitting.items(), wanted, strict=True):
             outside = np.isin(own, outer) & (rows >= 0).all(axis=1)
             if outside.all():

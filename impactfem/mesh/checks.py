@@ -9,11 +9,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError
 from impactfem.mesh.raw import Cell, RawMesh, cell_facets, facet_keys
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _CHUNK = 100_000  # cells whose Jacobians are held at a time
 _FLAT = 1e-10  # volume over the product of the edges below which a cell has none
@@ -147,7 +145,7 @@ def _check_joints(mesh: RawMesh, negative: NDArray[np.bool_], where: str) -> Non
         )
 
 
-def _turns(mesh: RawMesh, facets: Indices) -> NDArray[np.bool_]:
+def _turns(mesh: RawMesh, facets: Integers) -> NDArray[np.bool_]:
     """Sense in which each cell, if its Jacobian is positive, goes around each of its facets.
 
     Two cells on opposite sides of a facet go around it in opposite senses.
@@ -166,7 +164,7 @@ def _turns(mesh: RawMesh, facets: Indices) -> NDArray[np.bool_]:
     return np.asarray(ring[rows, after] < ring[rows, before])
 
 
-def _outward(cell: Cell) -> Indices:
+def _outward(cell: Cell) -> Integers:
     """Order in which the vertices of each facet go around its outward normal, (1, facets, n)."""
     corners = fem.reference_nodes(cell, 1)
     rows = []

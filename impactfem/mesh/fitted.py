@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from impactfem.arrays import Floats
 from impactfem.errors import MeshError
 from impactfem.mesh.unstructured import Lines
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 MERGED = 1e-9
 """Dimensionless distance within which characteristics, times and points are taken for one."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from impactfem.arrays import Floats
 
 NEAR = 1e-7
 """Distance, for a body of size 1, within which a node of the generator lies on a surface."""

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Cell = Literal["triangle", "quadrilateral", "tetrahedron", "hexahedron"]
 
-Numbering = Callable[[NDArray[Any]], Indices]
+Numbering = Callable[[NDArray[Any]], Integers]
 """From Gmsh's tags of nodes to their places in a list."""
 
 _PACKED = 2**21  # three node numbers below this fit into one 64-bit integer
@@ -48,10 +47,10 @@ class RawMesh:
     """
 
     points: Floats
-    cells: Indices
+    cells: Integers
     cell: Cell
     degree: int
-    surfaces: Mapping[str, Indices] = field(default_factory=dict)
+    surfaces: Mapping[str, Integers] = field(default_factory=dict)
     source: Source | None = None
 
     @property
@@ -60,17 +59,17 @@ class RawMesh:
         return int(self.points.shape[1])
 
     @property
-    def vertices(self) -> Indices:
+    def vertices(self) -> Integers:
         """Vertices of each cell, shape (cells, vertices per cell)."""
         return self.cells[:, : fem.num_vertices(self.cell)]
 
 
-def cell_facets(mesh: RawMesh) -> Indices:
+def cell_facets(mesh: RawMesh) -> Integers:
     """Vertices of each facet of each cell, shape (cells, facets per cell, vertices per facet)."""
     return mesh.vertices[:, np.array(fem.facet_vertices(mesh.cell))]
 
 
-def facet_keys(*groups: Indices) -> list[Indices]:
+def facet_keys(*groups: Integers) -> list[Integers]:
     """Number facets so that two have one key if and only if they have the same vertices.
 
     Three vertices tell a facet from all others, quadrilaterals included, as two facets of a
@@ -92,12 +91,12 @@ def facet_keys(*groups: Indices) -> list[Indices]:
     return np.split(keys, np.cumsum([len(group) for group in groups])[:-1])
 
 
-def outer_facets(mesh: RawMesh) -> Indices:
+def outer_facets(mesh: RawMesh) -> Integers:
     """Facets of one cell only, shape (facets, vertices), in the order of the cells."""
     each = cell_facets(mesh)
-    facets: Indices = each.reshape(-1, each.shape[2])
+    facets: Integers = each.reshape(-1, each.shape[2])
     _, first, counts = np.unique(facet_keys(facets)[0], return_index=True, return_counts=True)
-    outer: Indices = facets[np.sort(first[counts == 1])]
+    outer: Integers = facets[np.sort(first[counts == 1])]
     return outer
 
 
@@ -109,8 +108,8 @@ def numbering(tags: NDArray[Any]) -> Numbering:
 
 
 def without_loose_nodes(
-    points: Floats, cells: Indices, surfaces: Mapping[str, Indices]
-) -> tuple[Floats, Indices, dict[str, Indices]]:
+    points: Floats, cells: Integers, surfaces: Mapping[str, Integers]
+) -> tuple[Floats, Integers, dict[str, Integers]]:
     """Drop the nodes of no cell and number the others anew, in their order.
 
     Returns:

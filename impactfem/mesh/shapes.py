@@ -6,7 +6,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem import fem
 from impactfem.errors import MeshError
@@ -14,8 +13,6 @@ from impactfem.mesh.outline import Ball, Outline, Polygon, Round, Sector, outlin
 from impactfem.mesh.raw import Cell, RawMesh, numbering, outer_facets, without_loose_nodes
 from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.sizes import ball_field, options
-
-Floats = NDArray[np.float64]
 
 MAX_CELLS = 50_000_000
 """Largest mesh that is begun."""

@@ -11,16 +11,13 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError
 from impactfem.mesh.outline import NEAR, Ball, Polygon, Sector, outline
 from impactfem.mesh.raw import Cell, RawMesh
 from impactfem.mesh.shapes import check_count, placed
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 # The middle of a disc or ball: half the width of the square or cube, and how round it is (0 to 1).
 # Chosen for the largest smallest angle.
@@ -37,7 +34,7 @@ class _Grid:
     """
 
     points: Floats
-    cells: Indices
+    cells: Integers
 
 
 def structured_mesh(
@@ -122,7 +119,7 @@ def _ring(sector: Sector, size: float, degree: int) -> _Grid:
         keys[..., 1] %= degree * counts[1]
     radii = np.linspace(sector.inner, sector.radius, degree * across + 1)
 
-    def place(key: Indices) -> Floats:
+    def place(key: Integers) -> Floats:
         steps = degree * around
         quarter = (sector.first + key[:, 1] // steps) % 4
         # Turned by whole quarters: nodes on the axes lie there exactly.
@@ -153,7 +150,7 @@ def _o_grid(dim: int, radius: float, counts: tuple[int, int], degree: int) -> _G
         block = np.insert(shell, axis, side, axis=-1)
         blocks.append(block)
 
-    def place(key: Indices) -> Floats:
+    def place(key: Integers) -> Floats:
         w = 2.0 * key[:, :dim] / width - 1.0
         share = key[:, dim:] / (degree * layers)
         tangents = np.tan(0.25 * math.pi * w)
@@ -201,7 +198,7 @@ def _extruded(grid: _Grid, heights: tuple[float, float], size: float, degree: in
     return _Grid(points.reshape(-1, 3), cells.reshape(-1, *cells.shape[2:]))
 
 
-def _lattice(counts: Sequence[int], degree: int) -> Indices:
+def _lattice(counts: Sequence[int], degree: int) -> Integers:
     """Lattice coordinates of the nodes of a block of cells.
 
     Returns:
@@ -214,7 +211,7 @@ def _lattice(counts: Sequence[int], degree: int) -> Indices:
     return keys.astype(np.int64)
 
 
-def _joined(blocks: Sequence[Indices], place: Callable[[Indices], Floats]) -> _Grid:
+def _joined(blocks: Sequence[Integers], place: Callable[[Integers], Floats]) -> _Grid:
     """Join blocks of cells at the nodes of equal keys, and place the nodes."""
     size = blocks[0].shape[-1]
     keys = np.concatenate(blocks)

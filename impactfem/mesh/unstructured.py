@@ -5,16 +5,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError
 from impactfem.mesh.raw import numbering
 from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.spacetime import SpaceTimeMesh
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 MAX_TRIANGLES = 4_000_000
 """Largest mesh that is built."""
@@ -34,7 +31,7 @@ class Triangulation:
     """
 
     points: Floats
-    cells: Indices
+    cells: Integers
 
     @property
     def duration(self) -> float:
@@ -52,7 +49,7 @@ class Lines:
     """
 
     points: Floats
-    segments: Indices
+    segments: Integers
 
 
 NO_LINES = Lines(np.empty((0, 2)), np.empty((0, 2), dtype=np.int64))
@@ -155,7 +152,7 @@ def _build(gmsh: Any, duration: float, size: float, lines: Lines, algorithm: int
 
 
 def _on_side(
-    points: Floats, same: Indices, start: Floats, end: Floats, corners: tuple[int, int]
+    points: Floats, same: Integers, start: Floats, end: Floats, corners: tuple[int, int]
 ) -> list[int]:
     """Points of one side in the order from its start to its end."""
     axis = 0 if start[1] == end[1] else 1
@@ -198,7 +195,7 @@ def _read(
     return _checked(place[used], cells.reshape(-1, 3), duration)
 
 
-def _checked(points: Floats, cells: Indices, duration: float) -> Triangulation:
+def _checked(points: Floats, cells: Integers, duration: float) -> Triangulation:
     """Turn all triangles the same way and see that they cover the rectangle."""
     a, b, c = (points[cells[:, k]] for k in range(3))
     area = 0.5 * np.linalg.det(np.stack([b - a, c - a], axis=1))

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.ball_pairs import BallPair, Target
 from impactfem.contact.body_pairs import Side
 from impactfem.contact.boundary import Boundary
@@ -23,9 +24,6 @@ from impactfem.scene import Scene, Solid
 from impactfem.scene.laws import default_name
 from impactfem.scene.pairing import body_pairs, named_body_pairs
 from impactfem.system.few import FewBodies
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _RESOLVED = 2.0  # faces in the radius of a ball from which the nodes of the faces follow its shape
 _ROUNDING = 1e-9  # share of a size by which bodies may overlap at t = 0

@@ -6,7 +6,6 @@ from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem.contact.ball_pairs import RollingPair, Target
 from impactfem.contact.convex_nodes import CornersOnFaces, NodesOnConvex
@@ -18,9 +17,6 @@ from impactfem.scene.pairing import named_body_pairs, obstacles_of, pair_name, s
 from impactfem.system.convex import Carrier, Convex
 from impactfem.system.few import FewBodies
 from impactfem.system.rigid import in_space
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 TOUCH = 5e-10
 """Share of the extent of the bodies by which they may be apart and touch: rounding of places."""

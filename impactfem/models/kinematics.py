@@ -4,17 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.scene import Mechanism, Scene
 from impactfem.scene.schema import KeyedError
 from impactfem.system.inverse_kinematics import Found
 from impactfem.system.mechanism import start_of
 from impactfem.system.mechanism_file import read_mechanism
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

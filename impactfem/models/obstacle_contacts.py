@@ -4,17 +4,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.gaps import Gaps, Started
 from impactfem.errors import SceneError
 from impactfem.models.ball_contacts import Bodies
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import obstacles_of, pair_name, surfaces_on
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.body_pairs import Side, SurfacePair, make_pair
 from impactfem.contact.boundary import Boundary, boundary, everywhere
 from impactfem.contact.overlap import in_obstacle, overlap
@@ -46,9 +46,6 @@ from impactfem.system.joints import Joints, joints_of
 from impactfem.system.located import Located, locate
 from impactfem.system.surface import SurfaceNodes
 from impactfem.system.tips import Tips
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.ball_pairs import Target
 from impactfem.contact.obstacle_places import ObstaclePlaces, Tips, edges
 from impactfem.scene import Scene
 from impactfem.scene.pairing import obstacles_of, pair_name
 from impactfem.system.few import FewBodies
-
-Floats = NDArray[np.float64]
 
 _SMALL = 2.0  # sides of triangles in a radius from which nodes see round obstacles well enough
 _ALONG = 0.5  # of a side, between places along edges and thin cylinders: triangles are flat

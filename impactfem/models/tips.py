@@ -2,9 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from impactfem.arrays import Integers
 from impactfem.scene.laws import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -13,8 +11,6 @@ from impactfem.system.tips import Tips
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidPart
-
-Integers = NDArray[np.int64]
 
 
 def tips_of(part: "SolidPart", touching: Integers) -> Tips:

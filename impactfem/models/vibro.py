@@ -6,8 +6,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import SceneError
 from impactfem.models.key import SceneKey
 from impactfem.result.history import BodyMotion
@@ -21,8 +21,6 @@ from impactfem.system.rigid_coordinates import RigidPlace, rigid_in_coordinates
 from impactfem.system.rod import rod_system
 from impactfem.system.start_checks import check_start
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Bodies = Callable[[Floats, Floats], Mapping[str, BodyMotion]]
 
 

@@ -5,8 +5,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBar
 from impactfem.exact.drive import EndDrive
@@ -16,7 +16,6 @@ from impactfem.scene import Bar, PiecewiseConstant, Scene
 if TYPE_CHECKING:  # plans need the exact solution, but no results
     from impactfem.result.bar_motion import BarMotion
 
-Floats = NDArray[np.float64]
 
 MAX_TRANSITS = 1e6
 """Longest duration in transits of a wave through the bar."""

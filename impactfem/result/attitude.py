@@ -1,12 +1,10 @@
 """Rotation and spin of a body that may turn far, from moments of its mass."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from impactfem.arrays import Floats
 from impactfem.result.whole import Whole
-
-Floats = NDArray[np.float64]
 
 
 def attitude(

@@ -7,9 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.findings import Finding
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

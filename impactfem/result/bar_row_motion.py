@@ -7,14 +7,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.result.bar_motion import BarMotion, Effort
 from impactfem.result.fields import Fields
 from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
 from impactfem.result.table import Table
 from impactfem.scene import Bar
 from impactfem.scene.laws import default_name
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-Integers = NDArray[np.int64]
+from impactfem.arrays import Integers
+
 type Facets = tuple[tuple[int, ...], ...]
 
 

@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.cards import card, table
 from impactfem.errors import OutputError
 from impactfem.result.record import Record
 from impactfem.result.table import Table
 from impactfem.scene.column_names import RESERVED
-
-Floats = NDArray[np.float64]
 
 _SHOWN = 12  # columns in a notebook
 _SAME = 1e-12  # share of the duration by which times are the same

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import OutputError
 from impactfem.result.shapes import MOTION, Layout, Shape, as_vectors
 from impactfem.result.snapshots import Snapshots
 
 if TYPE_CHECKING:
     from impactfem.result.stored_snapshots import StoredSnapshots
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import MissingDependencyError, SceneError
 from impactfem.result.shapes import LINE, VERTEX, Layout
 
 if TYPE_CHECKING:
     import pyvista as pv
 
-Floats = NDArray[np.float64]
 
 _RENDER = """
 import pyvista

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.result.table import Series, Table
-
-Floats = NDArray[np.float64]
 
 COLUMNS: Mapping[str, tuple[str, str]] = {
     "gap": ("m", "smallest distance of what may meet"),

@@ -8,8 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from impactfem.arrays import Floats, Integers
 
 VERTEX, LINE, TRIANGLE, TETRAHEDRON = 1, 3, 5, 10
 """VTK's numbers of straight cells with as few nodes as can be; all others are in `cell_kinds`."""

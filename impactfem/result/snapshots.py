@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.cards import card
 from impactfem.errors import SceneError
 from impactfem.result.grids import make_grid, nearest_layer
@@ -16,7 +17,6 @@ from impactfem.result.shapes import Layout, Shape
 if TYPE_CHECKING:
     import pyvista as pv
 
-Floats = NDArray[np.float64]
 _AT_ONCE = 1 << 25  # bytes of layers that are written together
 
 

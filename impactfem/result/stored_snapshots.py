@@ -9,13 +9,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.hdf5 import h5py
 from impactfem.result.cell_kinds import BY_VTK_TYPE
 from impactfem.result.shapes import LINE, VERTEX, Layout
 from impactfem.result.snapshots import Snapshots
 from impactfem.result.spool import fields_of, foreign_file, read_bodies, read_layout
-
-Floats = NDArray[np.float64]
 
 MAX_LAYERS = 10_000_000
 """Most layers of a file that is read: it may claim any number."""

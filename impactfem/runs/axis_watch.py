@@ -10,8 +10,8 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.convex_nodes import CornersOnFaces
 from impactfem.contact.distance import signed_distance
 from impactfem.contact.meeting import Led
@@ -23,8 +23,6 @@ from impactfem.models.solids import SolidsModel
 from impactfem.runs.verdict import PENETRATION_LIMITS
 from impactfem.scene.content import Obstacle
 from impactfem.scene.pairing import obstacles_of
-
-Floats = NDArray[np.float64]
 
 _PLACES = 8  # along each line, looked at first
 _ALONG = (np.arange(_PLACES) + 0.5) / _PLACES

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.exact import ExactBarRow
 from impactfem.log import Progress
 from impactfem.methods import METHODS
@@ -23,8 +23,6 @@ from impactfem.runs.line_probes import check_bar_probes, every_level, thinned
 from impactfem.runs.run import Checkpointing, Cost, Run
 from impactfem.runs.summary import contact_intervals
 from impactfem.scene import Scene
-
-Floats = NDArray[np.float64]
 
 
 def run(scene: Scene, plan: Plan[RowNumbers], progress: Progress, saved: Checkpointing) -> Run:

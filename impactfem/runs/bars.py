@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import MeshError, SceneError
 from impactfem.log import Progress
 from impactfem.methods import METHODS
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from impactfem.mesh.spacetime import SpaceTimeMesh
     from impactfem.spacetime.discontinuous import DiscontinuousSettings
     from impactfem.spacetime.galerkin import GalerkinSettings
-
-Floats = NDArray[np.float64]
 
 
 def _solve_exact(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:

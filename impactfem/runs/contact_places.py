@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.rows import Level
 from impactfem.marching.time_loop import TimeLoop
@@ -14,10 +14,6 @@ from impactfem.result.history import MOST_PAIRS
 from impactfem.result.whole import Whole
 from impactfem.runs.contacts import Contacts
 from impactfem.scene.pairing import named_body_pairs
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
 
 _MANY = 256  # levels that are summed up at once
 

@@ -6,8 +6,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.ball_crowd import BallCrowd, NearPairs
 from impactfem.contact.body_pairs import SurfacePair
 from impactfem.contact.friction_many import Accuracy
@@ -22,9 +22,6 @@ from impactfem.result.history import MOST_PAIRS
 from impactfem.scene import Contact, Scene
 from impactfem.scene.pairing import law_of, pair_name
 from impactfem.system.surface import SurfaceNodes
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 Names = tuple[str, str]
 

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import solve_cones
 from impactfem.errors import ConvergenceError, ImpactWarning, SceneError
@@ -24,8 +25,6 @@ from impactfem.scene.pairing import law_of
 from impactfem.system.rigid import in_space
 from impactfem.vibro.ensemble import EnsembleResult
 from impactfem.vibro.vibro_rows import row_levels, row_times
-
-Floats = NDArray[np.float64]
 
 _INSIDE = 1e-12  # share of the largest coordinate that a place may lie in a plane at t = 0
 _SYSTEMS = 10000  # linear ones of a step whose forces are hard to find

@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.findings import Finding, percent
 from impactfem.methods import Method
 from impactfem.planning.resolution import SINGLE_LIMIT, STEPS, single_node, unresolved
 from impactfem.result import BarMotion
 from impactfem.result.table import Table
 from impactfem.scene import Solid
-
-Floats = NDArray[np.float64]
 
 NO_FORCE = 1e-6
 """Share of the largest force that counts as none.

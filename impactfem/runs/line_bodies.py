@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Bar
 
 if TYPE_CHECKING:  # loads SciPy, which bars do without
     from impactfem.system.beam import FreeBeam
     from impactfem.system.few import FewBodies
 
-Floats = NDArray[np.float64]
 
 _SHARE = 0.01  # of the volume, which exceeds strain_99
 _BAR_LEVELS, _BEAM_LEVELS = 2000, 500  # that are looked at, evenly spaced: the cost has a bound

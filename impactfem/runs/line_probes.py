@@ -5,8 +5,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats
 from impactfem.result.bar_motion import BarMotion, kept_levels
 from impactfem.result.bar_row_motion import RowMotion
 from impactfem.result.trajectory import Trajectory
@@ -16,7 +17,6 @@ from impactfem.scene.probes import outside
 if TYPE_CHECKING:
     from impactfem.models.vibro import VibroModel
 
-Floats = NDArray[np.float64]
 type Probed = dict[str, dict[str, Floats]]
 
 LETTERS = {"displacement": "u", "velocity": "v"}

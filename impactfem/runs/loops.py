@@ -6,8 +6,8 @@ from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.complementarity import Solver, solve_by_active_set
 from impactfem.fem import gather
 from impactfem.log import Progress
@@ -51,7 +51,6 @@ from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 if TYPE_CHECKING:
     from impactfem.planning import MarchNumbers
 
-Floats = NDArray[np.float64]
 
 _LAYERS = 100  # whose way tells how coordinates round
 

@@ -5,15 +5,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.marching.rigid_kernels import frames
 from impactfem.marching.rigid_sums import about_axes
 from impactfem.scene import Contact
 from impactfem.system.rigid import in_space
-
-Floats = NDArray[np.float64]
 
 _UNIT = 1e-6  # by which the length of quaternions may differ from 1
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching.few import FewInterior, FewMidpoint
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.rows import Level
@@ -27,7 +27,6 @@ from impactfem.runs.solid_probes import SolidProbes
 from impactfem.system.beam_parts import BeamParts
 from impactfem.system.stretches import Look, Stretches
 
-Floats = NDArray[np.float64]
 Observer = Callable[[Level], None]
 
 

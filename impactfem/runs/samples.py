@@ -4,14 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.fem import on_root
 from impactfem.marching.few import FewInterior
 from impactfem.models.solids import SolidPart, SolidsModel
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 type Places = Mapping[str, Floats]
 """Undeformed places [m], (places, dim), by the body's name; of a probe behind a slash."""

@@ -8,13 +8,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.result.table import Table
 from impactfem.scene import Scene
-
-Floats = NDArray[np.float64]
 
 _AXES = "xyz"
 _EPS = float(np.finfo(np.float64).eps)

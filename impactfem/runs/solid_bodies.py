@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.marching.collect import total
 from impactfem.marching.turning import Turning
 from impactfem.models.solids import SolidPart, SolidsModel
@@ -12,8 +12,6 @@ from impactfem.result.attitude import attitude
 from impactfem.result.history import BodyMotion
 from impactfem.result.whole import Whole
 from impactfem.runs.observed import Observed
-
-Floats = NDArray[np.float64]
 
 
 def body_motions(

@@ -5,16 +5,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.rows import Rows
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
 from impactfem.result.history import BodyMotion
-
-Floats = NDArray[np.float64]
 
 INERTIA_LIMITS = (0.01, 0.1)
 """Shares of the energy of a body that its masses miss as it turns."""

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.overlap import HALF_FACE, folded, overlap
 from impactfem.contact.watch import penetration_of_others
 from impactfem.errors import SceneError
@@ -26,9 +26,6 @@ from impactfem.result.spool import POINT_DATA, FieldSpool
 from impactfem.runs.axis_watch import AxisWatch
 from impactfem.scene.pairing import self_meeting
 from impactfem.system.stress import NodalFields
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Floats, Integers
 from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
 from impactfem.marching.time_loop import TimeLoop
@@ -17,10 +17,6 @@ from impactfem.runs.samples import Kept, LinePlaces
 from impactfem.scene.probes import outside
 from impactfem.system.located import Located
 from impactfem.system.true_stress import TrueStress
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
 
 Told = Callable[[], Mapping[str, Mapping[str, float]]]
 """Tells figures of a level by first and last part of their columns."""

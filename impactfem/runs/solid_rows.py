@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.followed_pair import FAR
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.collect import total
@@ -36,8 +36,6 @@ from impactfem.runs.solid_energies import (
 from impactfem.runs.solid_output import Watch
 from impactfem.runs.verdict import PENETRATION_LIMITS
 from impactfem.scene.pairing import named_body_pairs, self_meeting
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

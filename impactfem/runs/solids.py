@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
 from impactfem.log import Progress
@@ -46,7 +45,6 @@ if TYPE_CHECKING:
 
     from impactfem.planning import MarchNumbers, Plan
 
-Floats = NDArray[np.float64]
 
 _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     Lumped: FewMidpoint,

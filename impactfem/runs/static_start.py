@@ -6,8 +6,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.layers import ContactGaps, Stepper
 from impactfem.marching.plate import PlateMidpoint
@@ -19,8 +19,6 @@ from impactfem.planning.solid_choices import fitting_solver
 from impactfem.result.whole import Whole
 from impactfem.system.statics import SolidAtRest
 from impactfem.system.surface import SurfaceNodes
-
-Floats = NDArray[np.float64]
 
 _SHIFT_LIMITS = (0.01, np.inf)  # shares of its size by which a body is moved
 

@@ -5,16 +5,14 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.planning import Plan
 from impactfem.runs.forces import largest_force, peak_findings, spells_of, strongest_spells
 from impactfem.runs.run import Run
 from impactfem.runs.scales import rounding_energy
 from impactfem.runs.verdict import GROWTH_LIMITS, is_damped, judge
 from impactfem.scene import Scene
-
-Floats = NDArray[np.float64]
 
 # Share of the largest energy or gap that is but rounding of it.
 _ROUNDING = 1e-15

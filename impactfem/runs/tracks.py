@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.reference.bar import Errors
 from impactfem.result.table import Table
 from impactfem.runs.scales import fall_in_step, rounding_share
@@ -15,7 +15,6 @@ from impactfem.scene import Scene
 if TYPE_CHECKING:
     from impactfem.runs.solid_rows import SolidsMotion
 
-Floats = NDArray[np.float64]
 
 SHARE = 0.1
 """Share of the largest way that a body's own one counts as at least."""

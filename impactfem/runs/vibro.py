@@ -6,8 +6,8 @@ from dataclasses import asdict, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.findings import ROTATION_LIMITS, Finding, by_limits, warning
 from impactfem.log import Progress
@@ -33,8 +33,6 @@ from impactfem.system.generalized import LinearSystem
 from impactfem.system.joined import advanced
 from impactfem.vibro.integrating import INTEGRATORS
 from impactfem.vibro.together import find_together
-
-Floats = NDArray[np.float64]
 
 _SHIFT = 1e-9  # change of the start whose growth tells how sensitive the motion is
 _ROUNDING, _RTOL = 7e-16, 1e-10  # precision of exact flights, and of an integrator's

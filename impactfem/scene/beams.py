@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from impactfem.arrays import Floats
 from impactfem.scene.beam_supports import BeamSupport, check_supports, first_root
-from impactfem.scene.body import JOINED, BodyKind, Floats, Solver
+from impactfem.scene.body import JOINED, BodyKind, Solver
 from impactfem.scene.flight import Flight
 from impactfem.scene.given import MaybeFormula, Tables
 from impactfem.scene.inline import InlineTable, ListOf, NumberOrVector, Vector

@@ -9,7 +9,8 @@ from typing import ClassVar, override
 
 import numpy as np
 
-from impactfem.scene.body import BodyKind, Floats, Solver
+from impactfem.arrays import Floats
+from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import AFormula, Given

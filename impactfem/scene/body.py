@@ -4,15 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from impactfem.arrays import Floats
 from impactfem.scene.flight import Flight
 from impactfem.scene.probes import MOVES
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
-Floats = NDArray[np.float64]
 JOINED = 1e-9
 """Share of places by which a joint may be beside what it holds."""
 type Solver = Literal["bar", "bar_row", "march", "vibro"]

@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene.formula import Formula
 from impactfem.scene.jets import motion_at
 from impactfem.scene.ranges import rough_on
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-
-Floats = NDArray[np.float64]
 
 _FINE = 2.0**-48  # width of a break, as a share of its time
 _EARLIEST = 2.0**-100  # and of the duration, for breaks at t = 0

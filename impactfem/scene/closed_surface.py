@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from impactfem.arrays import Floats, Integers
 
 _LEAF = 4  # triangles in a leaf of the tree, about
 _ROUNDING = 1e-9  # share of the size below which a distance says no direction

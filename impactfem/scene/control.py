@@ -6,8 +6,9 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats
 from impactfem.scene.grammar import Node
 from impactfem.scene.inline import NumberOrList, Vector
 from impactfem.scene.inverse import check_formula_name
@@ -15,8 +16,6 @@ from impactfem.scene.kinds import Choice, Integer, Line, Name, Real
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.tables import assign, is_missing, looked_up
 from impactfem.scene.values import NotAllowedError, is_number, number, show
-
-Floats = NDArray[np.float64]
 
 MAX_CONTROLS = 100
 MAX_PIECES = 10_000

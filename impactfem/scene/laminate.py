@@ -15,9 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from impactfem.arrays import Floats
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for squares of quadratic stresses
 

@@ -9,14 +9,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats, Integers
 from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.formula import Formula
 from impactfem.scene.ranges import range_on
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _PARTS = 8  # into which an interval is cut
 _CUTS = 10  # one after the other: kinks are found to 8^-10 = 1e-9 of a step

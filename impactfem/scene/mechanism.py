@@ -5,7 +5,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from impactfem.scene.body import BodyKind, Floats, Solver
+from impactfem.arrays import Floats
+from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.given import Given, MaybeFormula, MaybeTable
 from impactfem.scene.inline import InlineTable, TablesByName, Vector
 from impactfem.scene.kinds import Choice, FilePath, FormulaOf, Line, Name, Real

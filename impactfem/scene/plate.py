@@ -8,7 +8,8 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from impactfem.scene.body import BodyKind, Floats, Solver
+from impactfem.arrays import Floats
+from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import AFormula, Given, MaybeFormula, MaybeTable, Tables

@@ -5,7 +5,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from impactfem.scene.body import JOINED, BodyKind, Floats
+from impactfem.arrays import Floats
+from impactfem.scene.body import JOINED, BodyKind
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import MaybeFormulas, Tables

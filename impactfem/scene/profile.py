@@ -10,12 +10,10 @@ of P. Goupillaud, An approach to inverse filtering of near-surface layer effects
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene.breaks import find_breaks
 from impactfem.scene.formula import Formula
-
-Floats = NDArray[np.float64]
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _SHARES = 0.5 * (1.0 + _POINTS)

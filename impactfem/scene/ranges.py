@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.scene.formula import Formula
 
-Floats = NDArray[np.float64]
 type Number = float | Floats
-Booleans = NDArray[np.bool_]
 
 _WIDEN = 2.0**-50
 _MOST_RADIANS = 1e6  # beyond, the places of maxima are lost in rounding

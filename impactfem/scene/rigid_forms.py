@@ -12,16 +12,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.scene.closed_surface import ClosedSurface
 from impactfem.scene.rigid_shapes import Capsule, Hull
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
 from impactfem.scene.values import show
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _FLAT = 1e-9  # volume of a hull, as a share of that of a cube of its size, that counts as none
 _THIN = 1e-12  # side of a block, as a share of its size or place, that rounding spoils

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import ClassVar, override
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene.inline import Vector, entries_of
 from impactfem.scene.kinds import Kind, Real
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import LEAST, NotAllowedError, is_number, number, show
-
-Floats = NDArray[np.float64]
 
 _NORMAL = 1e-6  # by which the length of a quaternion may differ from 1
 _LEAN = 1e-9  # share of the largest moment of inertia by which the triangle inequality may fail

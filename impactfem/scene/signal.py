@@ -6,15 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.formula import Formula
 from impactfem.scene.jets import motion_at
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.means import mean_of, stops_of
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

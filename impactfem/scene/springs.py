@@ -5,7 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from impactfem.scene.body import BodyKind, Floats, Solver
+from impactfem.arrays import Floats
+from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.boundary import Support
 from impactfem.scene.given import MaybeTable, Tables
 from impactfem.scene.inline import InlineTable, ListOf, Vector

@@ -6,17 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError
 from impactfem.reading.opening import Job, opened
 from impactfem.reading.regular import read_regular, reason
 from impactfem.scene.closed_surface import ClosedSurface, crossed, faults, signed_volume, told
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 SURFACE_FILES = (".stl", ".msh", ".step", ".stp")
 MESH_SIZE = "length of the edges of a STEP file's elements; required with one"

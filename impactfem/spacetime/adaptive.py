@@ -4,17 +4,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats
 from impactfem.fem import dolfinx_mesh
 from impactfem.forms.discontinuous import PARALLEL
 from impactfem.mesh.unstructured import Triangulation
 from impactfem.spacetime.reflections import BarWaves
 from impactfem.spacetime.slices import slice_states
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 MAX_TRIANGLES = 600_000
 """Largest mesh of a refinement."""

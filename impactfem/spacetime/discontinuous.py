@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.mesh.fitted import time_lines
@@ -19,8 +19,6 @@ from impactfem.spacetime.adaptive import MAX_TRIANGLES, Level, refine_until, ref
 from impactfem.spacetime.fitting import fit
 from impactfem.spacetime.motion import motion_of_waves
 from impactfem.spacetime.reflections import BarWaves
-
-Floats = NDArray[np.float64]
 
 _COARSE = 8  # elements of the meshes on which events are found
 

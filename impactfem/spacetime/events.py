@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from impactfem.arrays import Floats
 from impactfem.spacetime.reflections import BarWaves
-
-Floats = NDArray[np.float64]
 
 # Relative size of gaps and waves that count as 0: rounding over long times stays below it.
 _ZERO = 1e-11

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.mesh.fitted import Front, distinct, fitted_lines
 from impactfem.mesh.unstructured import Triangulation, triangulate
@@ -14,8 +14,6 @@ from impactfem.scene import Bar, Formula, PiecewiseConstant
 from impactfem.scene.grammar import NUMPY_FUNCTIONS
 from impactfem.spacetime.events import Event, wall_events
 from impactfem.spacetime.reflections import BarWaves
-
-Floats = NDArray[np.float64]
 
 _STILL = 1e-10  # dimensionless distance of an event from its characteristic in the mesh
 _SAMPLES = 4001

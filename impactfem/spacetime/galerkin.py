@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats
 from impactfem.contact.active_set import primal_dual_active_set
 from impactfem.contact.snes_vi import solve_bounded
 from impactfem.fem import dolfinx_fem, ufl
@@ -22,8 +23,6 @@ from impactfem.system.chain import Chain
 from impactfem.system.ends import displacement_scale, end_means
 from impactfem.system.sections import node_loads, weighted_velocity
 from impactfem.system.spring_wall import wall_gap
-
-Floats = NDArray[np.float64]
 
 _INWARDS = 1e-12
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.system.chain import Chain
@@ -10,8 +11,6 @@ from impactfem.system.fronts import element_speeds, speeds_at_levels, starts_as_
 from impactfem.system.sections import node_loads, row_loads
 from impactfem.system.spring_wall import wall_energy
 from impactfem.system.works import works
-
-Floats = NDArray[np.float64]
 
 
 def layer_energies(times: Floats, chain: Chain, displacement: Floats) -> tuple[Floats, Floats]:

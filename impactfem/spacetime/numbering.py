@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Integers
 from impactfem.mesh.spacetime import SpaceTimeMesh, nearest
 
-Indices = NDArray[np.int64]
 _NEAR = 1e-9  # dimensionless distance within which a node lies on a side
 
 
@@ -33,12 +33,12 @@ class Numbering:
     """
 
     points: NDArray[np.float64]
-    row: Indices
-    fixed: Indices
-    wall: Indices
-    far: Indices
-    multipliers: Indices
-    grid: Indices | None
+    row: Integers
+    fixed: Integers
+    wall: Integers
+    far: Integers
+    multipliers: Integers
+    grid: Integers | None
 
 
 def number(space: SpaceTimeMesh, nodes: Any, multipliers: Any, *, clamped: bool) -> Numbering:
@@ -77,13 +77,13 @@ def number(space: SpaceTimeMesh, nodes: Any, multipliers: Any, *, clamped: bool)
     return Numbering(points, row, fixed, wall, far, np.argsort(middles), grid)
 
 
-def _sorted(chosen: NDArray[np.bool_], key: NDArray[np.float64]) -> Indices:
-    """Indices of the chosen nodes in the order of ``key``."""
+def _sorted(chosen: NDArray[np.bool_], key: NDArray[np.float64]) -> Integers:
+    """Integers of the chosen nodes in the order of ``key``."""
     found = np.flatnonzero(chosen)
     return found[np.argsort(key[found])]
 
 
-def _grid(space: SpaceTimeMesh, points: NDArray[np.float64]) -> Indices | None:
+def _grid(space: SpaceTimeMesh, points: NDArray[np.float64]) -> Integers | None:
     """Arrange the nodes of a layered mesh by layer and position."""
     times, positions = space.layout.times, space.layout.nodes
     if times is None or positions is None:

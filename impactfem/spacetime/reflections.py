@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.contact.active_set import ActiveSetResult, primal_dual_active_set
 from impactfem.errors import ConvergenceError
 from impactfem.mesh.unstructured import Triangulation
@@ -12,9 +13,6 @@ from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.spacetime import sweep
 from impactfem.spacetime.waves import Edges, Field, Wave, wave_equations
 from impactfem.system.ends import displacement_scale
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 _ROUNDING = 1e-15  # relative change of a wave that is not passed on
 _AHEAD = 2.25  # a reflection at the wall and one at the far end, and what leaks ahead of them

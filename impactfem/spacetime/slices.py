@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.spacetime.waves import Field
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _ON_NODE = 16.0 * float(np.finfo(float).eps)  # share of the duration: nodes so near lie on a slice
 _CHUNK = 400_000  # pieces of slices that are treated together
@@ -36,7 +33,7 @@ class Slices:
 
 
 def slice_states(
-    field: Field, arriving: Floats, leaving: Floats, times: Floats, kept: Indices,
+    field: Field, arriving: Floats, leaving: Floats, times: Floats, kept: Integers,
     positions: Floats,
 ) -> Slices:  # fmt: skip
     """Integrate along slices t = const, at t just before each time.
@@ -106,15 +103,15 @@ class _Pieces:
         high: Larger x.
     """
 
-    row: Indices
-    cell: Indices
+    row: Integers
+    cell: Integers
     time: Floats
     low: Floats
     high: Floats
 
     @classmethod
     def cut(
-        cls, corners: Floats, times: Floats, first: Indices, last: Indices, start: int, stop: int
+        cls, corners: Floats, times: Floats, first: Integers, last: Integers, start: int, stop: int
     ) -> "_Pieces":
         """Cut the triangles at the times of some rows."""
         begin, end = np.maximum(first, start), np.minimum(last, stop)
@@ -144,7 +141,7 @@ class _Pieces:
         return cls(row[order] - start, cell[order], time[order], low[order], high[order])
 
     def _values(
-        self, field: Field, waves: Floats, pieces: Indices, low: Floats, high: Floats
+        self, field: Field, waves: Floats, pieces: Integers, low: Floats, high: Floats
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """Positions, weights, V and S at Gauss points of parts of pieces, (pieces, points)."""
         nodes, weights = np.polynomial.legendre.leggauss(field.degree + 2)
@@ -169,7 +166,7 @@ class _Pieces:
         )
 
     def fields(
-        self, field: Field, waves: Floats, rows: Indices, positions: Floats
+        self, field: Field, waves: Floats, rows: Integers, positions: Floats
     ) -> tuple[Floats, Floats]:
         """Stretch and velocity at positions in some rows, each (rows, positions)."""
         every = np.arange(len(self.row))
@@ -190,7 +187,7 @@ class _Pieces:
             velocity[k] = self._at(field, waves, piece, positions)
         return stretch, velocity
 
-    def _at(self, field: Field, waves: Floats, pieces: Indices, positions: Floats) -> Floats:
+    def _at(self, field: Field, waves: Floats, pieces: Integers, positions: Floats) -> Floats:
         """V at one position in each piece."""
         cells = self.cell[pieces]
         points = np.stack([self.time[pieces], positions], axis=1)[:, None]

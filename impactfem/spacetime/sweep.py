@@ -3,18 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.compiled import compiled
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 DECIDE = -1
 """Mark of a wall edge for which the sweep itself decides whether contact is active."""
 
 
 @compiled
-def causal_order(upstream: Indices) -> Indices:
+def causal_order(upstream: Integers) -> Integers:
     """Order the cells so that each comes after those upstream of it (Kahn's algorithm).
 
     Straight characteristics pass any triangulation in such an order.
@@ -57,7 +54,7 @@ def causal_order(upstream: Indices) -> Indices:
 
 @compiled
 def sweep(  # noqa: C901  (a compiled loop is one function)
-    order: Indices, upstream: Indices, transfer: Floats, load: Floats, first: Floats,
+    order: Integers, upstream: Integers, transfer: Floats, load: Floats, first: Floats,
     horizon: float, tolerance: float, dirty: Booleans, changed: Booleans, wave: Floats,
 ) -> None:  # fmt: skip
     """Update a wave in the cells that begin before the horizon and whose data have changed.

@@ -7,13 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import ConvergenceError
 from impactfem.fem import PETSc
 from impactfem.forms.galerkin import GalerkinForms
 from impactfem.spacetime.numbering import Numbering
-
-Indices = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 _MUMPS_ORDERING = 7  # ICNTL(7)
 _APPROXIMATE_MINIMUM_FILL = 2  # a quarter of the analysis time of the default ordering here
@@ -44,12 +42,12 @@ class Equations:
 
     comm: Any
     numbering: Numbering
-    stiffness: tuple[Indices, Indices, Floats]
-    coupling: tuple[Indices, Indices, Floats]
+    stiffness: tuple[Integers, Integers, Floats]
+    coupling: tuple[Integers, Integers, Floats]
     load: Floats
     fixed_values: Floats
-    node_ranges: Indices
-    multiplier_ranges: Indices
+    node_ranges: Integers
+    multiplier_ranges: Integers
     spring: float = 0.0
 
     @property
@@ -64,12 +62,12 @@ def assemble(
 ) -> Equations:  # fmt: skip
     """Assemble the forms and drop the rows whose test function vanishes."""
 
-    def kept(form: Any) -> tuple[Indices, Indices, Floats]:
+    def kept(form: Any) -> tuple[Integers, Integers, Floats]:
         rows, columns, values = fem.assemble_rows(form)
         keep = numbering.row[rows] >= 0
         return rows[keep], columns[keep], values[keep]
 
-    def ranges(space: Any) -> Indices:
+    def ranges(space: Any) -> Integers:
         index_map = space.dofmap.index_map
         firsts = comm.allgather(index_map.local_range[0])
         return np.array([*firsts, index_map.size_global], dtype=np.int64)
@@ -148,7 +146,7 @@ class CoupledSystem:
         """Displacements and multipliers together."""
         return int(self._matrix.getSize()[0])
 
-    def _entries(self) -> tuple[Indices, Indices, Floats]:
+    def _entries(self) -> tuple[Integers, Integers, Floats]:
         """Entries that do not depend on the active set."""
         equations, numbering = self._equations, self._equations.numbering
         test, node, stiffness = equations.stiffness
@@ -163,7 +161,7 @@ class CoupledSystem:
             values.append(np.ones(len(fixed)))
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
 
-    def _constraint_entries(self) -> tuple[Indices, Indices]:
+    def _constraint_entries(self) -> tuple[Integers, Integers]:
         """Places of u_m, then of lambda_m, in the constraint rows; all of them are rank 0's."""
         if self._equations.comm.rank != 0:
             return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)

@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError
 from impactfem.fem import dolfinx_fem
 from impactfem.forms.discontinuous import advection_form
 from impactfem.mesh.unstructured import Triangulation
 from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.spacetime import sweep
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _EDGES = ((1, 2), (0, 2), (0, 1))  # edge k of a triangle lies opposite node k
 _START_POINTS = 16  # Gauss points for formulas of x
@@ -50,7 +48,7 @@ class Field:
         """Coefficients in each cell."""
         return (self.degree + 1) * (self.degree + 2) // 2
 
-    def basis(self, cells: Indices, points: Floats) -> Floats:
+    def basis(self, cells: Integers, points: Floats) -> Floats:
         """Basis functions of cells at points (t, x) in them, (cells,) and (cells, n, 2) -> dofs."""
         local = (points - self.corners[cells, :1]) @ self._to_reference[cells]
         values = self._element.tabulate(0, local.reshape(-1, 2))[0]
@@ -99,7 +97,7 @@ class Edges:
         basis: Basis functions of the cell at them, shape (edges, points, dofs).
     """
 
-    cells: Indices
+    cells: Integers
     begin: Floats
     end: Floats
     places: Floats
@@ -111,13 +109,13 @@ class Edges:
         """Length of each edge."""
         return self.end - self.begin
 
-    def located(self, places: Floats) -> tuple[Indices, Floats]:
+    def located(self, places: Floats) -> tuple[Integers, Floats]:
         """Edge of each place along the side, and the share of it before the place."""
         edge = np.searchsorted(self.begin, places, side="right") - 1
         edge = np.clip(edge, 0, len(self.cells) - 1)
         return edge, (places - self.begin[edge]) / self.widths[edge]
 
-    def partial(self, values: Floats, edge: Indices, share: Floats) -> Floats:
+    def partial(self, values: Floats, edge: Integers, share: Floats) -> Floats:
         """Integrals over the first shares of some edges of polynomials given at the Gauss points.
 
         Args:

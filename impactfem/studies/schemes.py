@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, OutputError, SceneError
 from impactfem.report.sheet import Sheet
 from impactfem.result.trajectory import Trajectory
@@ -19,8 +19,6 @@ from impactfem.studies.study import conditions, markdown_table
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.vibro.integrating import integrate
 from impactfem.vibro.textbook import SCHEMES
-
-Floats = NDArray[np.float64]
 
 GRAVITY = 9.81
 STEPS = (40, 80, 160, 320)

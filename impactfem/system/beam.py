@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.scene.beams import Beam
 from impactfem.scene.obstacles import HalfSpace
@@ -23,8 +24,6 @@ from impactfem.system.beam_matrices import BeamMatrices, beam_matrices
 from impactfem.system.beam_parts import BeamParts, beam_parts
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.rod import planes
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene.beams import Beam
 from impactfem.scene.breaks import Break
 from impactfem.scene.formula import Formula
@@ -18,8 +19,6 @@ from impactfem.scene.means import mean_of, stops_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.beam_matrices import BeamMatrices
-
-Floats = NDArray[np.float64]
 
 _GAUSS = np.polynomial.legendre.leggauss(4)  # in an element: exact of cubic deflections squared
 

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene.beams import Beam
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

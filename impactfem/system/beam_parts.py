@@ -20,12 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from impactfem.arrays import Floats, Integers
 from impactfem.scene.beam_supports import ENDS
 from impactfem.scene.beams import Beam
 from impactfem.system.beam_matrices import BeamMatrices, beam_matrices, linear_elements
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _TERMS = np.arange(1, 40, 2)  # of the series for torsion: 1e-7 of it
 _FIBRES = (40, 12)  # across the height and the width

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Bar
 from impactfem.system.sections import weighted_velocity
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
+from impactfem.arrays import Booleans, Floats, Integers
 
 type Placed = tuple[Floats, Floats, Booleans, Integers, Integers, Integers, Floats, float]
 """Corners, normals of faces, which are flat, starts of their loops, corners of these, edges,

@@ -5,9 +5,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from impactfem.arrays import Floats
 
 _COMPLEX_STEP = 1e-30
 _REAL_STEP = 6e-6  # about eps^(1/3): the error of central differences is 1e-10 of the curvature

@@ -3,13 +3,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.fem import MPI
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.massless import transferred
-
-Floats = NDArray[np.float64]
 
 
 class Drive:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats
 from impactfem.errors import MeshError, SceneError
 from impactfem.fem import MPI
 from impactfem.forms.elasticity import ElasticForms
@@ -18,7 +19,7 @@ from impactfem.system.finite_strain import shown
 from impactfem.system.following import FollowingPressures
 from impactfem.system.loads import Loads
 from impactfem.system.matrices import BodyMatrices, body_forms, body_matrices
-from impactfem.system.nodes import Floats, Nodes, body_nodes
+from impactfem.system.nodes import Nodes, body_nodes
 from impactfem.system.stress import NodalFields
 from impactfem.system.supports import Supports, find_supports
 

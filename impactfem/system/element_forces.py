@@ -6,16 +6,13 @@ The integrals and their quadrature are those of `impactfem.system.finite_strain`
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.fem import ADD, MPI, dolfinx_fem
 from impactfem.system.force_kernels import plane_forces, space_forces, stiffest, tangents
 from impactfem.system.law_kernels import KERNELS
 from impactfem.system.nodes import Nodes
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class ElementForces:

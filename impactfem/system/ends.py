@@ -3,15 +3,13 @@
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Bar, Formula, PiecewiseConstant
 from impactfem.scene.means import mean_of
 from impactfem.system.chain import Chain
 from impactfem.system.fronts import speeds_at_levels
 from impactfem.system.sections import node_loads
-
-Floats = NDArray[np.float64]
 
 _PLACES = 33  # at which a load is looked at for its size
 

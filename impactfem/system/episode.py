@@ -10,13 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.beam import FreeBeam
 from impactfem.system.generalized import LinearSystem
-
-Floats = NDArray[np.float64]
 
 PAUSE = 0.02
 """Shares of the first bending period without force that part two micro-impacts."""

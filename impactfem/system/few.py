@@ -10,17 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.scene import Bar
 from impactfem.system.beam_parts import BeamParts
 from impactfem.system.convex import Carrier
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.stations import Stations
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Bar, Beam, Mechanism, Plate, Point, RigidBody, Rod, Scene, SpringNet
 from impactfem.system.beam_load import BeamForces, BeamLoad
 from impactfem.system.beam_parts import beam_parts
@@ -18,8 +18,6 @@ from impactfem.system.net import net_system
 from impactfem.system.plate_making import plate_system
 from impactfem.system.points import free_points
 from impactfem.system.rigid import in_space, rigid_systems
-
-Floats = NDArray[np.float64]
 
 _SAMPLES = 5040  # along a bar
 _OF_BENDING = 5.0  # a beam's modes up to about the second are followed like a vibration

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.fem import MPI, PETSc
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
@@ -15,8 +15,6 @@ from impactfem.system.rigid_modes import RigidModes, spun
 from impactfem.system.small_strain import SmallStrain
 from impactfem.system.statics import BodyAtRest
 from impactfem.system.surface import SurfaceNodes
-
-Floats = NDArray[np.float64]
 
 
 class FiniteAtRest(BodyAtRest):

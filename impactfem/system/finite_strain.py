@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats
 from impactfem.fem import MPI, dolfinx_fem, ufl
 from impactfem.forms.elasticity import ElasticForms
 from impactfem.forms.finite_strain import LAWS, FiniteForms
@@ -15,8 +16,6 @@ from impactfem.system.matrices import body_forms
 from impactfem.system.mean_dilatation import CondensedMatrix, MeanDilatation
 from impactfem.system.nodes import Nodes
 from impactfem.system.step_solvers import RenewedSolver
-
-Floats = NDArray[np.float64]
 
 
 def finite_forms(forms: ElasticForms, solid: Any, viscosity: Any = 0.0) -> FiniteForms:

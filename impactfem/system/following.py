@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats
 from impactfem.fem import dolfinx_fem
 from impactfem.forms.finite_strain import LAWS, FiniteForms
 from impactfem.system.loads import FormulaValues
 from impactfem.system.matrices import body_forms
 from impactfem.system.nodes import Nodes
 from impactfem.system.supports import surface_facets
-
-Floats = NDArray[np.float64]
 
 
 class FollowingPressures:

@@ -1,13 +1,11 @@
 """How fast systems of few degrees of freedom vibrate."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigvals
 
+from impactfem.arrays import Floats
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.joined import Room
-
-Floats = NDArray[np.float64]
 
 
 def highest_frequency(system: GeneralizedSystem, u: Floats, v: Floats) -> float:

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Bar
 from impactfem.system.chain import Chain
-
-Floats = NDArray[np.float64]
 
 _EVEN = 1e-9  # share of an element by which steps and elements may differ
 _ROWS = 4096  # levels whose cells are looked at together

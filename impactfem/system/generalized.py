@@ -9,8 +9,9 @@ t, u and p = M(u) u', here of t, u and v = u'.
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.scene.breaks import Break, Kick
 from impactfem.scene.signal import Signal
@@ -26,7 +27,6 @@ from impactfem.system.generalized_input import (
     static_friction_of,
 )
 
-Floats = NDArray[np.float64]
 Mass = Callable[[Floats], ArrayLike]
 Force = Callable[[float, Floats, Floats], ArrayLike]
 

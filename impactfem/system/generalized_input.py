@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.scene.values import show
 
-Floats = NDArray[np.float64]
 Constraints = Callable[[Floats], ArrayLike] | Sequence[Callable[[Floats], Any]]
 
 

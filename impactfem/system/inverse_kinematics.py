@@ -16,15 +16,13 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.scene import Mechanism, Place
 from impactfem.scene.values import show
 from impactfem.system.link_shapes import named
 from impactfem.system.tree import Tree
-
-Floats = NDArray[np.float64]
 
 TOLERANCE = 1e-10  # of the place [m]
 _MOST = 20_000

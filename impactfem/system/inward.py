@@ -6,16 +6,13 @@ the nodes that take the forces.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Floats, Integers
 from impactfem.fem import MPI, gather
 from impactfem.system.element_forces import ElementForces
 from impactfem.system.nodes import Nodes
 from impactfem.system.surface_kernels import accelerate_turning, moments
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _BALANCED = 1e-8  # fault of weights that keep sum and moments
 _SPREAD = 5.0  # sum of amounts of weights from which they are shares instead

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
-
-Floats = NDArray[np.float64]
 
 _DEPENDENT = 1e-9  # least share of a singular value of rows of length 1 that counts
 _MOST_CLOSING, _CLOSED = 20, 1e-14  # iterates that close bilateral rows, and their change

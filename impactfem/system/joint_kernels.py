@@ -13,11 +13,9 @@ Numer. Meth. Eng. 67 (2006) 499-552.)
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.compiled import compiled
-
-Floats = NDArray[np.float64]
 
 POINT, DOT, SLIDE, DISTANCE, ANGLE = range(5)
 """Kinds of terms; see `values`."""

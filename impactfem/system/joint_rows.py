@@ -1,13 +1,11 @@
 """Rows of one joint: the terms that hold two stations together, and those of its coordinate."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Joint
 from impactfem.system.joint_kernels import ANGLE, DISTANCE, DOT, POINT, SLIDE
 from impactfem.system.rigid import in_space
-
-Floats = NDArray[np.float64]
 
 
 class Rows:

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import SceneError
 from impactfem.scene import Joint, Scene
 from impactfem.scene.joints import GROUND
@@ -24,9 +25,6 @@ from impactfem.system.joint_kernels import (
 from impactfem.system.joint_rows import JointFrame, Rows
 from impactfem.system.rigid import in_space
 from impactfem.system.stations import HasStations, Stations, couples
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MOVING = 1e-9  # share of the largest speed with which bodies may part in a joint at t = 0
 

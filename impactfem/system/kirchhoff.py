@@ -16,14 +16,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
+from impactfem.arrays import Floats, Integers
 from impactfem.scene.laminate import Section
 from impactfem.system.plate_mesh import PlateMesh
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 DOFS = 3
 """Degrees of freedom of a vertex: w [m] and its slopes along x and y."""

@@ -6,17 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.scene import Mechanism, Scene
 from impactfem.scene.nearest import nearest
 from impactfem.scene.pairing import friction_of, named_body_pairs, obstacles_of, surfaces_on
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.convex import Carrier, Convex
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MARKED = 0.25  # arm of markers, as a share of the reach of a shape
 

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.fem import MPI, PETSc, dolfinx_fem
 from impactfem.forms.elasticity import ElasticForms
 from impactfem.scene import Formula
 from impactfem.scene.means import mean_of
-from impactfem.system.nodes import Floats, Nodes
+from impactfem.system.nodes import Nodes
 from impactfem.system.supports import surface_facets
 
 _AXES = "xyz"

@@ -5,16 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.fem import dolfinx_fem
 from impactfem.forms.finite_strain import LAWS, Moduli
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.true_stress import TrueStress
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 OUTSIDE = 0.05
 """Share of a cell by which a place may lie outside: meshes cut corners off round bodies."""

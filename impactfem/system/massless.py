@@ -9,16 +9,13 @@ Wohlmuth, Int. J. Numer. Meth. Eng. 73 (2008) 205-225.
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError, SceneError
 from impactfem.fem import cell_nodes, gather, reference_nodes, set_entries, sparse_matrix
 from impactfem.mesh.body import BodyMesh
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.surface import SurfaceNodes
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _SAME = 1e-9  # distance of nodes of the reference cell that counts as none
 

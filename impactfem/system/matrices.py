@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 
 from impactfem import fem
+from impactfem.arrays import Floats
 from impactfem.errors import MeshError
 from impactfem.fem import PETSc, dolfinx_fem
 from impactfem.forms.elasticity import ElasticForms
-from impactfem.system.nodes import Floats, Nodes
+from impactfem.system.nodes import Nodes
 from impactfem.system.supports import Supports
 
 

@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats
 from impactfem.fem import PETSc, ufl
 from impactfem.forms.finite_strain import FiniteForms
-
-Floats = NDArray[np.float64]
 
 _NEAR = 1e-5  # relative change of theta below which the slope of p is a series
 

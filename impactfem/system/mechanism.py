@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.scene import Mechanism, Scene
 from impactfem.scene.means import StepMean
 from impactfem.scene.schema import KeyedError
@@ -16,9 +16,6 @@ from impactfem.system.link_shapes import LinkNodes, Partner, named, picture
 from impactfem.system.mechanism_file import read_mechanism
 from impactfem.system.stations import Stations
 from impactfem.system.tree import Tree
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _SINGULAR = 1e-12  # share of the largest inertia of a rate that counts as none
 

@@ -21,11 +21,9 @@ from numpy.typing import NDArray
 from scipy.sparse import bmat, bsr_matrix, csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.system.kirchhoff import Triangles
 from impactfem.system.surface import CHOLESKY
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,12 @@ from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.fem import MPI
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.massless import lumped_mass, transferred
 from impactfem.system.surface import SurfaceNodes
-
-Floats = NDArray[np.float64]
 
 LEAST = 0.3
 """Smallest factor."""

@@ -6,16 +6,13 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError
 from impactfem.scene import Scene
 from impactfem.scene.springs import SpringNet
 from impactfem.system.few import FewBodies
 from impactfem.system.net_mesh import NetMesh, net_mesh
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _STEPS = 10.0  # radians of an edge's vibration in one of the body that steps follow
 _ISOTROPIC = 1e-9  # share of the stiffness by which it may depend on the direction

@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError, SceneError
 from impactfem.mesh.body_files import read_body
 from impactfem.scene.shapes import Block, Disc, Ring
 from impactfem.scene.springs import SpringNet
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _ROUNDING = 1e-9  # share of an edge by which cells may lie outside their shape
 _MOST = 20_000  # nodes

@@ -6,12 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError
 from impactfem.fem import cell_nodes, dolfinx_fem, facet_nodes
 from impactfem.mesh.body import BodyMesh
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _SAME = 1e-9
 """Share of a body's size below which coordinates are equal."""

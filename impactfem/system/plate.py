@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.scene.obstacles.rotation import gap_at
 from impactfem.scene.plate import Plate
 from impactfem.system.few import FewBodies
@@ -15,13 +15,7 @@ from impactfem.system.kirchhoff import DOFS
 from impactfem.system.loads import FormulaValues
 from impactfem.system.membrane import Membrane
 from impactfem.system.plate_damping import PlateDamping
-from impactfem.system.plate_mesh import (
-    Booleans,
-    PlateMesh,
-)
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from impactfem.system.plate_mesh import PlateMesh
 
 OF_BENDING = 5.0  # modes up to about the second are followed like a vibration, as of beams
 _UNDAMPED = 200.0

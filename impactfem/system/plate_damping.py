@@ -9,14 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.scene.plate import Plate
 from impactfem.system.plate_tones import vibrations
 
-Floats = NDArray[np.float64]
 Answer = Callable[[Floats], Floats]
 """What forces on q do, (d,) or (d, several)."""
 

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
 
 from impactfem import fem
+from impactfem.arrays import Booleans, Floats
 from impactfem.errors import MeshError, SceneError
 from impactfem.scene import Formula, Scene
 from impactfem.scene.pairing import bodies_met, law_of, obstacles_of
@@ -20,7 +20,6 @@ from impactfem.system.membrane import Membrane
 from impactfem.system.plate import OF_BENDING, PlateSystem
 from impactfem.system.plate_damping import PlateDamping
 from impactfem.system.plate_mesh import (
-    Booleans,
     PlateMesh,
     apart_from_others,
     held_in_plane,
@@ -31,8 +30,6 @@ from impactfem.system.plate_mesh import (
 )
 from impactfem.system.plate_rows import free_basis, patches
 from impactfem.system.plate_tones import first_frequency
-
-Floats = NDArray[np.float64]
 
 
 def plate_system(scene: Scene, plate: Plate) -> PlateSystem:

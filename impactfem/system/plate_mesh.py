@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.spatial import Delaunay
 
 from impactfem import fem
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.errors import MeshError
 from impactfem.mesh.body_files import read_body
 from impactfem.mesh.checks import check_body
@@ -21,10 +21,6 @@ from impactfem.mesh.raw import RawMesh
 from impactfem.mesh.shapes import drawn_mesh, shape_mesh
 from impactfem.scene.plate import Plate
 from impactfem.scene.plate_outlines import PolygonOutline
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _MOST = 40_000  # vertices: each rank holds all of them and its factors
 

@@ -1,15 +1,12 @@
 """What coordinates of a plate do to its vertices and contact nodes, row by row."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.spatial import cKDTree
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.system.kirchhoff import DOFS
-from impactfem.system.plate_mesh import Booleans, PlateMesh
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from impactfem.system.plate_mesh import PlateMesh
 
 
 def free_basis(still: Booleans, ways: list[list[Floats]]) -> tuple[csr_matrix, Booleans, Integers]:

@@ -1,11 +1,10 @@
 """Frequencies and modes of plates, most of whose degrees of freedom have no mass."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import eigsh, splu
 
-Floats = NDArray[np.float64]
+from impactfem.arrays import Floats
 
 _FEW = 150  # vertices with mass up to which frequencies are found by a dense matrix
 _RIGID = 1e-6  # of the largest of a few squared frequencies, below which motions are rigid

@@ -5,14 +5,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.scene import Formula, Point, Scene
 from impactfem.scene.affine import affine_parts
 from impactfem.scene.signal import Signal
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

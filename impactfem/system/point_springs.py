@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Point, Spring
-
-Floats = NDArray[np.float64]
 
 
 class SpringForce:

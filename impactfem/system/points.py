@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.scene import PiecewiseConstant, PiecewiseVector, Point, Scene, Spring
 from impactfem.scene.affine import affine_parts
@@ -16,8 +16,6 @@ from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.point_gaps import Gap, make_gap
 from impactfem.system.point_springs import SpringForce
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.scene import RigidBody, Scene
 from impactfem.scene.means import StepMean
 from impactfem.scene.obstacles.rotation import gap_at
@@ -21,9 +21,6 @@ from impactfem.system.convex import Carrier, Convex
 from impactfem.system.few import FewBodies, Lone
 from impactfem.system.rim_kernels import along_rims, lowest_directions
 from impactfem.system.stations import Stations
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 type Loads = Callable[[float, float, Floats, Floats, Floats], tuple[Floats, Floats]]
 """Mean force [N] and moment [N m], (3,) each, between two times, by centre, velocity and spin."""

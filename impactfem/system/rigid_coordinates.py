@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats
 from impactfem.scene import RigidBody, Scene
 from impactfem.scene.pairing import law_of
 from impactfem.scene.rigid_keys import rotation
@@ -21,8 +22,6 @@ from impactfem.system.generalized import GeneralizedSystem
 
 if TYPE_CHECKING:
     from impactfem.scene.obstacles import HalfSpace
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.fem import MPI
 from impactfem.system.elastic import ElasticSystem
-
-Floats = NDArray[np.float64]
 
 _HELD = 1e-12  # share of the largest hold below which supports do not hold a motion
 _PLAIN = 0.999  # share of a direction from which it is named by a single axis

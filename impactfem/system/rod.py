@@ -9,13 +9,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.scene.obstacles import HalfSpace
 from impactfem.system.generalized import GeneralizedSystem
-
-Floats = NDArray[np.float64]
 
 
 def planes(half_spaces: HalfSpace | Sequence[HalfSpace]) -> tuple[Floats, Floats]:

@@ -1,12 +1,10 @@
 """A bar and the loads along it on elements: integrals with hat functions and over elements."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Bar
 from impactfem.scene.means import mean_of
-
-Floats = NDArray[np.float64]
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _SHARES = 0.5 * (1.0 + _POINTS)

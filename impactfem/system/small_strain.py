@@ -3,15 +3,12 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.fem import MPI
 from impactfem.system.matrices import body_forms, body_stiffness
 from impactfem.system.nodes import Nodes
 from impactfem.system.step_solvers import KeptSolvers
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 
 class SmallStrain:

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
-from impactfem.system.nodes import Floats
 
 _STEPS = 1000
 _TOLERANCE = 1e-2

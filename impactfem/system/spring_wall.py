@@ -7,11 +7,9 @@ and back to rounding, but for layers in which contact begins or ends (of second 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Bar
-
-Floats = NDArray[np.float64]
 
 
 def wall_gap(bar: Bar, gap: Floats, multiplier: Floats) -> Floats:

@@ -1,13 +1,11 @@
 """Whether a system in generalised coordinates can be started from a state."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.system.derivatives import differentiate
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, factor_mass
-
-Floats = NDArray[np.float64]
 
 _OPEN = 1e-6  # share of the lengths and speeds by which a start may miss bilateral rows
 _SAME_JACOBIAN = 1e-5  # share of the largest entry by which a given Jacobian may differ

@@ -6,8 +6,8 @@ from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.fem import MPI
 from impactfem.system.drive import Drive
@@ -16,8 +16,6 @@ from impactfem.system.linear import LinearSolver
 from impactfem.system.massless import transferred
 from impactfem.system.rigid_modes import RigidModes, spun
 from impactfem.system.surface import SurfaceNodes
-
-Floats = NDArray[np.float64]
 
 _HELD = 1e-6  # share of a spin that supports take from a body that is not free to turn
 _SHIFT = 1e-6

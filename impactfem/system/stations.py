@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from impactfem.arrays import Floats
 
 
 @dataclass(frozen=True, kw_only=True)

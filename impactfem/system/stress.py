@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from impactfem import fem
+from impactfem.arrays import Floats
 from impactfem.fem import dolfinx_fem, ufl
 from impactfem.forms.elasticity import ElasticForms
-from impactfem.system.nodes import Floats, Nodes
+from impactfem.system.nodes import Nodes
 
 
 class NodalFields:

@@ -20,15 +20,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.fem import MPI, dolfinx_fem
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.stretch_kernels import in_plane, in_space
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _CHUNK = 10000
 """Cells whose moments of mass are found at once."""

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError, SceneError
 from impactfem.scene import Formula
 from impactfem.scene.jets import motion_at
-from impactfem.system.nodes import Floats, Integers, Nodes
+from impactfem.system.nodes import Nodes
 
 _AXES = "xyz"
 _FREE = -1

@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
 from impactfem.system.substitution import TOGETHER, substitute
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 CHOLESKY: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True},

@@ -8,20 +8,16 @@ the ranks' own cells give. What an approximate solution leaves unbalanced is han
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, diags
 from scipy.sparse.linalg import splu
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI, gather
 from impactfem.system.element_forces import ElementForces
 from impactfem.system.nodes import Nodes
 from impactfem.system.surface import CHOLESKY, SurfaceNodes
 from impactfem.system.surface_kernels import conjugate_gradients, inverted
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _MOST = 60  # iterations of conjugate gradients
 

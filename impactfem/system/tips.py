@@ -17,15 +17,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import SceneError
 from impactfem.fem import gather
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.rigid import in_space
 from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _FLAT = 1e-9  # share of the largest moment of a tip below which its nodes lie on a line
 

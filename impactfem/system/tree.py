@@ -10,13 +10,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import MissingDependencyError
 from impactfem.scene.rigid_keys import rotation
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 def import_pinocchio() -> Any:

@@ -1,15 +1,13 @@
 """Work of gravity and of what drives the far end of a bar in layers."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Bar
 from impactfem.system.chain import Chain
 from impactfem.system.ends import end_work, end_work_at_levels
 from impactfem.system.fronts import element_speeds
 from impactfem.system.sections import row_loads
-
-Floats = NDArray[np.float64]
 
 
 def works(

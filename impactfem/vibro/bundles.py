@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.vibro.event_legs import Leg
@@ -23,7 +24,6 @@ from impactfem.vibro.event_rubbing import RubbingMotion
 from impactfem.vibro.flight_kernels import refresh, taylor
 from impactfem.vibro.flights import Flights
 
-Floats = NDArray[np.float64]
 State = tuple[Floats, Floats, Floats]
 """u, v and the integrals of the forces of closed contacts, and of the power of friction."""
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import cho_solve
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.system.generalized import LinearSystem
 from impactfem.system.start_checks import check_start
@@ -18,8 +19,6 @@ from impactfem.vibro.position_level import PositionSettings, choose_implicit
 from impactfem.vibro.position_start import start_positions
 from impactfem.vibro.velocity_level import VelocitySettings
 from impactfem.vibro.vibro_rows import count_steps, row_levels, row_times, solve_impulses
-
-Floats = NDArray[np.float64]
 
 _MOST_STEPS = 32768  # steps whose loads are tabulated at once
 _CLOSED = 1e-12  # share of the largest coordinate below which a gap counts as closed

@@ -13,14 +13,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.impact_law import Impact, delassus, resolve_impact, resting_forces
 from impactfem.vibro.event_constrained import constrained
 from impactfem.vibro.flight_kernels import by_turns
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MAX_TURNS = 100_000
 _MAX_FLIPS = 10  # changes of sides, for each constraint

@@ -1,10 +1,9 @@
 """Motion along closed constraints, solved so that light bodies may carry heavy ones."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 
-Floats = NDArray[np.float64]
+from impactfem.arrays import Floats
 
 _REFINEMENTS = 3
 

@@ -15,9 +15,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.impact_law import Law, resolve_impact
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
@@ -27,9 +27,6 @@ from impactfem.vibro.event_constrained import constrained
 from impactfem.vibro.event_legs import Mode, Strike
 from impactfem.vibro.event_motion import End, Motion
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 Row = tuple[float, int, float, float, float]
 Begin = Callable[[float, Floats, Floats, tuple[int, ...]], Onset]
 

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats
 from impactfem.contact.impact_law import Law
 from impactfem.errors import SceneError
 from impactfem.result.trajectory import Trajectory
@@ -23,8 +24,6 @@ from impactfem.vibro.event_general import fly_general
 from impactfem.vibro.event_legs import Leg
 from impactfem.vibro.event_linear import fly_linear
 from impactfem.vibro.event_record import Record
-
-Floats = NDArray[np.float64]
 
 EXACT_SHARE = 1e-8
 """Share of the largest impact speed so far at or below which a rebound counts as none."""

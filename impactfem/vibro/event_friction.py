@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any, override
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.impact_law import delassus
 from impactfem.errors import ConvergenceError
 from impactfem.system.joined import Forced, Room, advanced
@@ -26,10 +26,6 @@ from impactfem.vibro.event_rubbing import (
     unsolved,
 )
 from impactfem.vibro.vibro_rows import cone_impulses
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 _EPS = 2.0**-52
 _STILL = 1e-11  # share of the velocities, before and after impacts, that is no sliding

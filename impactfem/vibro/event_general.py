@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.system.joined import Forced
@@ -25,7 +25,6 @@ from impactfem.vibro.event_looks import Look, Looking
 from impactfem.vibro.event_motion import Motion
 from impactfem.vibro.event_record import Record, gap_rounding
 
-Floats = NDArray[np.float64]
 Curve = Callable[[float], float]
 
 _SAMPLES = 8  # of a step, for the largest force

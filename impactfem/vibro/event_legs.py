@@ -3,13 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from impactfem.arrays import Floats
 from impactfem.scene.breaks import Break
 from impactfem.system.generalized import GeneralizedSystem
-
-Floats = NDArray[np.float64]
 
 _SAME = 1e-13  # share of the duration within which changes are one
 Mode = int | None

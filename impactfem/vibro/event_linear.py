@@ -4,8 +4,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import LinearSystem
 from impactfem.vibro.event_choice import Onset
@@ -15,8 +15,6 @@ from impactfem.vibro.event_record import Record
 from impactfem.vibro.flight_alone import STALLED, fly_alone
 from impactfem.vibro.flight_kernels import BROKEN, DONE, FULL, fly, refresh
 from impactfem.vibro.flights import Flights
-
-Floats = NDArray[np.float64]
 
 _MAX_STALL = 1000  # events at one instant
 _TABLE = 16_384  # impacts between two visits to Python; where flights are kept it sees each one

@@ -11,10 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
+from impactfem.arrays import Booleans, Floats
 
 _SHARES = (0.0, 0.11, 0.26, 0.37, 0.49, 0.63, 0.74, 0.89)
 _SPLIT = 0.47  # share of an interval at which it is looked at again

@@ -5,14 +5,12 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.system.joined import Forced, advanced, closed
 from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_constrained import constrained
-
-Floats = NDArray[np.float64]
 
 _LOOSE = 1e-12  # share of the forces that counts as their rounding
 

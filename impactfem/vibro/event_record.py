@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.vibro.event_contacts import Contacts, Row
 from impactfem.vibro.event_legs import Event, Leg, Strike
-
-Floats = NDArray[np.float64]
 
 _EPS = 2.0**-52
 

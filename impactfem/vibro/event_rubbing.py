@@ -17,16 +17,14 @@ from itertools import product
 from math import prod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.system.joined import Forced
 from impactfem.vibro.event_legs import Mode
 from impactfem.vibro.event_motion import End, Motion
 from impactfem.vibro.event_spread import spread
-
-Floats = NDArray[np.float64]
 
 _FITS = 1e-9  # share of the forces and accelerations by which modes may miss
 _SAME = 1e-7  # share of the accelerations by which two solutions may differ

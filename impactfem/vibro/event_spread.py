@@ -10,10 +10,9 @@ from the others, by non-negative least squares (Lawson and Hanson, Solving Least
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-Floats = NDArray[np.float64]
+from impactfem.arrays import Floats
 
 _RANK = 1e-12  # least share of a singular value that counts
 _NONE = 1e-8  # residual from which on no forces obey: the inverse square of the way to them

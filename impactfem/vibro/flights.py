@@ -8,18 +8,15 @@ linear in z, with W = G_S M^-1 G_S^T and the acceleration a without contact.
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 from scipy.linalg.lapack import dgebal
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import SceneError
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import LinearSystem, factor_mass
 from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_constrained import constrained
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 TERMS = 21
 """Terms of the series: with |A| h <= 1 the first one left out is 1/21! = 2e-20."""

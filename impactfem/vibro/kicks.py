@@ -7,11 +7,9 @@ after the change.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.system.generalized import GeneralizedSystem
-
-Floats = NDArray[np.float64]
 
 
 class Kicks:

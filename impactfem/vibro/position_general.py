@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
@@ -24,8 +24,6 @@ from impactfem.vibro.vibro_rows import (
     trajectory,
     unfinished,
 )
-
-Floats = NDArray[np.float64]
 
 _MAX_FIXED_POINT = 100
 

@@ -30,9 +30,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 
+from impactfem.arrays import Floats
 from impactfem.contact.impact_law import Law
 from impactfem.errors import SceneError
 from impactfem.result.bar_motion import Effort
@@ -54,8 +54,6 @@ from impactfem.vibro.vibro_rows import (
     starting_episodes,
     trajectory,
 )
-
-Floats = NDArray[np.float64]
 
 _IMPLICIT_FROM = 1.0  # h omega_max above which the stiffness is averaged
 _LIMIT = 2.0

@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
+from impactfem.arrays import Floats
 from impactfem.contact.impact_law import delassus, resolve_impact, resting_forces
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.system.joined import Forced, Room, advanced
-
-Floats = NDArray[np.float64]
 
 _CLOSED = 1e-12  # share of the largest coordinate below which a gap counts as closed
 _AT_REST = 1e-12  # share of the largest velocity that counts as none

@@ -10,14 +10,12 @@ this is 0 <= P _|_ w_new + e w_old >= 0, the law of simultaneous impacts.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.impact_law import complementarity, delassus
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.system.joined import Room, advanced
-
-Floats = NDArray[np.float64]
 
 _MAX_LINEARISATIONS = 60
 _EPS = np.finfo(float).eps

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem
@@ -21,8 +21,6 @@ from impactfem.vibro.vibro_rows import (
     trajectory,
     unfinished,
 )
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

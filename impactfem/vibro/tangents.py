@@ -18,8 +18,8 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.system.joined import Room
@@ -27,8 +27,6 @@ from impactfem.vibro.bundles import Bundle, Neighbours, Span, motion_of
 from impactfem.vibro.event_legs import Event, Leg, jumps
 from impactfem.vibro.event_motion import Motion
 from impactfem.vibro.event_record import Record
-
-Floats = NDArray[np.float64]
 
 _ALONG = 1e-6  # of a flight, over which guards are differentiated along it
 _APART = 1e-6  # share of its change by which the times of contacts that close together may differ

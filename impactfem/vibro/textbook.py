@@ -30,8 +30,9 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats
 from impactfem.contact.impact_law import Law
 from impactfem.errors import ConvergenceError
 from impactfem.result.trajectory import Trajectory
@@ -44,7 +45,6 @@ from impactfem.vibro.position_kernels import ROUNDING
 from impactfem.vibro.stepping import Stepped, Walls, march
 from impactfem.vibro.vibro_rows import count_steps, solve_impulses
 
-Floats = NDArray[np.float64]
 Rate = Callable[[float, Floats], Floats]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)

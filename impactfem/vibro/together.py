@@ -4,14 +4,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.impact_law import delassus
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.system.joined import Room
-
-Floats = NDArray[np.float64]
 
 _COUPLED = 1e-9  # of |W_ij| / sqrt(W_ii W_jj) below which two constraints do not feel each other
 _CLOSED = 1e-9  # share of the largest gap

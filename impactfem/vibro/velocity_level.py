@@ -24,9 +24,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve, lu_factor, lu_solve
 
+from impactfem.arrays import Floats
 from impactfem.contact.impact_law import Law, delassus
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.result.bar_motion import Effort
@@ -49,8 +49,6 @@ from impactfem.vibro.vibro_rows import (
     starting_episodes,
     trajectory,
 )
-
-Floats = NDArray[np.float64]
 
 _LIMIT = 2.0  # h omega_max up to which forces at the midpoint are stable
 _MAX_FIXED_POINT = 100

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import solve_cones
 from impactfem.contact.impact_law import Law, complementarity
@@ -17,7 +18,6 @@ from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.vibro.position_kernels import ROUNDING, lasts
 
-Floats = NDArray[np.float64]
 Arrays = tuple[Floats, Floats, Floats, Floats]
 """Positions, velocities (rows, d), gaps (rows, J), impulses so far, all and lasting (rows, 2 J)."""
 

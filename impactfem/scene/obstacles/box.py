@@ -6,18 +6,11 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from impactfem.arrays import Floats
 from impactfem.scene.given import MaybeFormulas, MaybeTable
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Name, Real
-from impactfem.scene.obstacles.base import (
-    MOTION,
-    MOTION_KIND,
-    NAME,
-    ROUNDING,
-    Field,
-    Floats,
-    RigidObstacle,
-)
+from impactfem.scene.obstacles.base import MOTION, MOTION_KIND, NAME, ROUNDING, Field, RigidObstacle
 from impactfem.scene.obstacles.faces import facing, patches
 from impactfem.scene.obstacles.mirror import EQUAL, Mirror
 from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation

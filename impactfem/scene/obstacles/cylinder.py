@@ -5,6 +5,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from impactfem.arrays import Floats
 from impactfem.scene.given import MaybeFormulas, MaybeTable
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choice, Name, Real
@@ -16,7 +17,6 @@ from impactfem.scene.obstacles.base import (
     SIDES,
     Core,
     Field,
-    Floats,
     unit,
     unit_vector,
 )

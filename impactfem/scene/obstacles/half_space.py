@@ -5,6 +5,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from impactfem.arrays import Floats
 from impactfem.scene.given import MaybeFormulas, MaybeTable
 from impactfem.scene.inline import Formulas, Vector
 from impactfem.scene.kinds import Name
@@ -12,7 +13,6 @@ from impactfem.scene.obstacles.base import (
     MOTION,
     NAME,
     Field,
-    Floats,
     Plane,
     RigidObstacle,
     unit,

@@ -7,6 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from impactfem.arrays import Floats
 from impactfem.scene.closed_surface import ClosedSurface
 from impactfem.scene.given import Given, MaybeFormulas, MaybeTable
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
@@ -17,7 +18,6 @@ from impactfem.scene.obstacles.base import (
     SIDE,
     SIDES,
     Field,
-    Floats,
     RigidObstacle,
 )
 from impactfem.scene.obstacles.mirror import Mirror

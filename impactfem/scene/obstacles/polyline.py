@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from impactfem.arrays import Floats
 from impactfem.scene.given import MaybeFormulas, MaybeTable
 from impactfem.scene.inline import ListOf, Vector
 from impactfem.scene.kinds import Name
@@ -17,7 +18,6 @@ from impactfem.scene.obstacles.base import (
     NAME,
     ROUNDING,
     Field,
-    Floats,
     Indices,
     Ridges,
     RigidObstacle,

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from impactfem.scene.obstacles.base import ROUNDING, Core, Field, Floats, RigidObstacle
+from impactfem.arrays import Floats
+from impactfem.scene.obstacles.base import ROUNDING, Core, Field, RigidObstacle
 
 
 class RoundObstacle(RigidObstacle):

@@ -5,19 +5,11 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from impactfem.arrays import Floats
 from impactfem.scene.given import MaybeFormulas, MaybeTable
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choice, Name, Real
-from impactfem.scene.obstacles.base import (
-    MOTION,
-    MOTION_KIND,
-    NAME,
-    SIDE,
-    SIDES,
-    Core,
-    Field,
-    Floats,
-)
+from impactfem.scene.obstacles.base import MOTION, MOTION_KIND, NAME, SIDE, SIDES, Core, Field
 from impactfem.scene.obstacles.faces import AROUND, HIGH, facing, patches
 from impactfem.scene.obstacles.mirror import Mirror
 from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation

@@ -5,8 +5,9 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from impactfem.arrays import Floats
 from impactfem.scene.kinds import Name
-from impactfem.scene.obstacles.base import Field, Floats
+from impactfem.scene.obstacles.base import Field
 from impactfem.scene.obstacles.half_space import HalfSpace
 from impactfem.scene.schema import key, table
 

@@ -7,12 +7,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
+from impactfem.arrays import Floats
 from impactfem.errors import MeshError
-
-Floats = NDArray[np.float64]
 
 
 @contextmanager

@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from impactfem.arrays import Floats
 from impactfem.methods import METHODS
 from impactfem.studies.hard.board import Case, Facts
 from impactfem.studies.hard.gradients import beside_graze, restitution
@@ -27,8 +27,6 @@ from impactfem.studies.hard.points import (
 )
 from impactfem.studies.hard.rows import Row, load
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
-
-Floats = NDArray[np.float64]
 
 _AREA = float(quad(lambda s: math.exp(-0.25 / ((s - 0.5) * (1.0 - s))), 0.5, 1.0)[0])
 _DEAD = 1e-3  # [s] before which the force is below 1e-170 N
