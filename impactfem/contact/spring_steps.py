@@ -86,6 +86,14 @@ class SpringStep:
         """Those of some gaps."""
         return SpringStep(self.springs.some(rows), self.depth[rows], self.room[rows])
 
+    def beside(self, more: int) -> "SpringStep":
+        """The same with gaps behind them that have none."""
+        none = np.zeros(more)
+        return SpringStep(
+            self.springs.beside(more),
+            np.concatenate([self.depth, none]), np.concatenate([self.room, none]),
+        )  # fmt: skip
+
     def rest(self, offset: Floats) -> bool:
         """Whether nothing presses gaps [m], (gaps,), without forces."""
         return self._least(offset) == 0.0

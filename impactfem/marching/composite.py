@@ -118,6 +118,49 @@ class Bodies[P: Stepper]:
         for part in self.parts:
             part.destroy()
 
+    @property
+    def rolling(self) -> bool:
+        """Whether some contact nodes touch at places that change."""
+        return any(part.rolling for part in self.parts)
+
+    def turning(self) -> tuple[Floats, Floats]:
+        """Spins of the body of each node at both ends of the layer [rad/s], (count, turns) each."""
+        before = np.zeros((self.offsets[-1], self._turns))
+        after = before.copy()
+        for own, part in self._rolling():
+            before[own], after[own] = part.turning()
+        return before, after
+
+    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
+        """Displacements of all nodes, and turns of their bodies, by moments on nodes.
+
+        Args:
+            moments: Several at once [N m], (several, count, turns); those on bodies that do not
+                roll move nothing.
+
+        Returns:
+            Shapes (several, count, dim) [m] and (several, count, turns) [rad].
+        """
+        moved = np.zeros((*moments.shape[:2], self._dim))
+        turned = np.zeros_like(moments)
+        for own, part in self._rolling():
+            moved[:, own], turned[:, own] = part.twisted(moments[:, own])
+        return moved, turned
+
+    def twist(self, moments: Floats) -> None:
+        """Moments on nodes (count, turns) that act on their bodies in the step."""
+        for own, part in self._rolling():
+            part.twist(moments[own])
+
+    @property
+    def _turns(self) -> int:
+        return self._dim * (self._dim - 1) // 2
+
+    def _rolling(self) -> list[tuple[slice, Rolling]]:
+        """Bodies that roll, and their nodes."""
+        each = enumerate(self.parts)
+        return [(self.own(k), cast("Rolling", part)) for k, part in each if part.rolling]
+
 
 class Composite(Bodies[Interior]):
     """The interiors of several bodies as one; see `impactfem.marching.layers.Interior`.
@@ -143,7 +186,6 @@ class Composite(Bodies[Interior]):
         self.whole_columns = min(wholes, default=None)
         self._count = 0  # forces that were asked for
         self._asked = [np.zeros(0, dtype=np.int64) for _ in parts]  # which of them reach each body
-        self.rolling = any(part.rolling for part in parts)
         self._free = list(free or ())
 
     def _on(self, body: int, forces: Floats) -> Floats:
@@ -193,45 +235,6 @@ class Composite(Bodies[Interior]):
         for own, part in self._rolling():
             found[own] = part.touched(normals[own])
         return found
-
-    def turning(self) -> tuple[Floats, Floats]:
-        """Spins of the body of each node at both ends of the layer [rad/s], (count, turns) each."""
-        before = np.zeros((self.offsets[-1], self._turns))
-        after = before.copy()
-        for own, part in self._rolling():
-            before[own], after[own] = part.turning()
-        return before, after
-
-    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
-        """Displacements of all nodes, and turns of their bodies, by moments on nodes.
-
-        Args:
-            moments: Several at once [N m], (several, count, turns); those on bodies that do not
-                roll move nothing.
-
-        Returns:
-            Shapes (several, count, dim) [m] and (several, count, turns) [rad].
-        """
-        moved = np.zeros((*moments.shape[:2], self._dim))
-        turned = np.zeros_like(moments)
-        for own, part in self._rolling():
-            moved[:, own], turned[:, own] = part.twisted(moments[:, own])
-        return moved, turned
-
-    def twist(self, moments: Floats) -> None:
-        """Add the layer's moments on nodes (count, turns) to their bodies."""
-        for own, part in self._rolling():
-            if moments[own].any():
-                part.twist(moments[own])
-
-    @property
-    def _turns(self) -> int:
-        return self._dim * (self._dim - 1) // 2
-
-    def _rolling(self) -> list[tuple[slice, Rolling]]:
-        """Bodies that roll, and their nodes."""
-        each = enumerate(self.parts)
-        return [(self.own(k), cast("Rolling", part)) for k, part in each if part.rolling]
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, dim)."""

@@ -31,6 +31,7 @@ class FiniteBody(ABC):
 
     displacement: Floats
     velocity: Floats
+    rolling = False
     _turning: Turning | None = None  # of a body of small strains, whose arms stay
 
     def __init__(

@@ -6,12 +6,12 @@ where laying its forces anew changes their rates no more.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.marching.layers import Interior, Sums
+from impactfem.marching.layers import Interior, Rolling, Sums
 from impactfem.marching.meshless import Meshless
 
 SHARE = 1e-3
@@ -93,6 +93,32 @@ class Iterated(Meshless):
         self.body, self.dt, self.counts, self.massive = body, body.dt, body.counts, body.massive
         self.generation, self.missing = 0, dict[str, float]()
         self._work: Any = 0.0
+        self._twists: Floats | None = None  # moments on nodes in the step
+        self._laid: Floats | float = 0.0  # of these what acts already
+
+    @property
+    def rolling(self) -> bool:
+        """Whether it touches at places that change."""
+        return self.body.rolling
+
+    def turning(self) -> tuple[Floats, Floats]:
+        """Spins of nodes at both ends of the step, as it is solved now [rad/s]."""
+        return cast("Rolling", self.body).turning()
+
+    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
+        """What several moments on nodes do; see `Rolling`."""
+        return cast("Rolling", self.body).twisted(moments)
+
+    def twist(self, moments: Floats) -> None:
+        """Moments on nodes (count, turns) of the step, with the forces that come next."""
+        self._twists = moments
+
+    def fresh_twists(self) -> Floats | None:
+        """Moments on nodes (count, turns) that are to be added; None: none."""
+        if self._twists is None:
+            return None
+        new, self._laid = self._twists - self._laid, self._twists
+        return new
 
     @property
     def surface_displacement(self) -> Floats:
@@ -145,6 +171,7 @@ class Iterated(Meshless):
     def begin(self, start: float, end: float) -> None:
         """Take up a step between two times."""
         self.body.begin(start, end)
+        self._twists, self._laid = None, 0.0
         self.generation += 1
 
     def look(self) -> None:
@@ -155,9 +182,19 @@ class Iterated(Meshless):
     def unbalanced(self, forces: Floats) -> float:
         """Largest change of rates that the iterate leaves, over what rounding allows."""
         known = self.known()
-        self.body.lay(forces)
+        self.lay(forces)
+        self._wring()
         self.body.settle()
         return self.left(*known)
+
+    def lay(self, forces: Floats) -> None:
+        """Put the contact forces of the step (count, dim), and no moments, to be solved for."""
+        self.body.lay(forces)
+        self._laid = 0.0
+
+    def _wring(self) -> None:
+        if (new := self.fresh_twists()) is not None:
+            cast("Rolling", self.body).twist(new)
 
     def known(self) -> tuple[Any, Floats]:
         """Rates at the end of the step, and ways, by the last iterate."""
@@ -186,6 +223,7 @@ class Iterated(Meshless):
     def correct(self, forces: Floats) -> None:
         """Move the iterate, with a change of the contact forces (count, dim)."""
         self.body.push(forces, None, _NONE)
+        self._wring()
         self.look()
 
     def accept(self) -> None:

@@ -179,6 +179,21 @@ class Joining[P: Stepper](Bodies[P]):
             back = self._taken_back([body.reached(forces[:, own]) for body, own in each])
             self._move(moved, back)
 
+    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
+        """Displacements of all nodes and turns of their bodies by moments; see `Bodies`."""
+        moved, turned = super().twisted(moments)
+        first = 6 - moments.shape[2]
+        rates = []
+        for body, own, at in zip(self._held, self._owns, self._at, strict=True):
+            rates.append(np.zeros((len(moments), at.stop - at.start, 6)))
+            rates[-1][..., first:] = body.whirled(moments[:, own].sum(axis=1))[:, None]
+        back = self._taken_back(rates)
+        self._move(moved, back)
+        for body, own, at in zip(self._held, self._owns, self._at, strict=True):
+            spun = body.whirled(back[:, at, first:].sum(axis=1))
+            turned[:, own] += 0.5 * self.span * spun[:, None]
+        return moved, turned
+
     def _move(self, moved: Floats, impulses: Floats) -> None:
         """Add displacements of nodes by impulses on stations, (several, stations, 6)."""
         for body, own, at in zip(self._held, self._owns, self._at, strict=True):

@@ -65,21 +65,6 @@ class Jointed(Joining[Interior], Composite):
         self._held_back(layer, forces)
         return layer, static
 
-    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
-        """Displacements of all nodes and turns of their bodies by moments; see `Composite`."""
-        moved, turned = super().twisted(moments)
-        first = 6 - moments.shape[2]
-        rates = []
-        for body, own, at in zip(self._held, self._owns, self._at, strict=True):
-            rates.append(np.zeros((len(moments), at.stop - at.start, 6)))
-            rates[-1][..., first:] = body.whirled(moments[:, own].sum(axis=1))[:, None]
-        back = self._taken_back(rates)
-        self._move(moved, back)
-        for body, own, at in zip(self._held, self._owns, self._at, strict=True):
-            spun = body.whirled(back[:, at, first:].sum(axis=1))
-            turned[:, own] += 0.5 * self.dt * spun[:, None]
-        return moved, turned
-
     def twist(self, moments: Floats) -> None:
         """Add the layer's moments on nodes (count, turns) to their bodies."""
         others = moments.copy()

@@ -67,7 +67,8 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
         worst = [p.unbalanced(forces[self.own(k)]) for k, p in each if k not in self._places]
         known = [part.known() for part in self._steppers]
         for part, own in zip(self._steppers, self._owns, strict=True):
-            part.body.lay(forces[own])
+            part.lay(forces[own])
+        self._wring()
         self._join()
         # Places round in rows of joints, and speeds of short steps the more.
         slack = _ROUNDED * self._rounding / self.span
@@ -88,7 +89,14 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
                 part.correct(forces[self.own(k)])
         for body, own in zip(self._held, self._owns, strict=True):
             body.strike(forces[own])
+        self._wring()
         self._rejoin()
+
+    def _wring(self) -> None:
+        """Add moments of contact on what joints hold."""
+        for part, body in zip(self._steppers, self._held, strict=True):
+            if (new := part.fresh_twists()) is not None:
+                body.whirl(new.sum(axis=0))
 
     def accept(self) -> None:
         """End the step of all; where limits have turned rates, these keep to the joints."""

@@ -45,6 +45,10 @@ class Stepper(Protocol):
     dt: float
 
     @property
+    def rolling(self) -> bool:
+        """Whether some contact nodes touch at places that change; see `Rolling`."""
+
+    @property
     def velocity(self) -> Floats:
         """Velocity of the owned dofs [m/s]."""
 
@@ -110,11 +114,9 @@ class Interior(Stepper, Protocol):
 
     Attributes:
         whole_columns: For how many contact nodes answers are worth keeping in full; None: for all.
-        rolling: Whether some contact nodes touch at places that change; see `Rolling`.
     """
 
     whole_columns: int | None
-    rolling: bool
 
     @property
     def apart(self) -> Integers | None:
@@ -198,7 +200,10 @@ class Rolling(Protocol):
         """
 
     def twist(self, moments: Floats) -> None:
-        """Add the layer's moments on nodes (count, turns)."""
+        """Add the layer's moments on nodes (count, turns); iterates take them in place of others.
+
+        Where steps are solved by iterates `NewtonStepper.unbalanced` and `correct` see to them.
+        """
 
 
 class Answers(Protocol):

@@ -66,7 +66,7 @@ class MechanismMidpoint(ShownMechanism):
         super().__init__(bodies, gravity, dt, counts=counts)
         self.span, count = dt, len(self._start)
         self.massive = self.volatile = np.ones(count, dtype=bool)
-        self.rolling = bool(bodies.rolling.any() or bodies.following.any())
+        self._rolls = bool(bodies.rolling.any() or bodies.following.any())
         self._laws = JointLaws.at_rest(bodies.joints)
         self._leans = False  # whether contact forces acted in the last layer
         self._offset = bodies.following  # from nodes to where they touch
@@ -76,6 +76,11 @@ class MechanismMidpoint(ShownMechanism):
         self._inverse = np.linalg.inv(self._inertia)
         self._acting = self._start - self._centre
         self._jacobian = np.zeros((3 * count, bodies.tree.rates))
+
+    @property
+    def rolling(self) -> bool:
+        """Whether it touches at places that change."""
+        return self._rolls
 
     def _begin(self) -> None:
         """What the next layer starts from."""
@@ -253,7 +258,10 @@ class MechanismMidpoint(ShownMechanism):
 
     def strike(self, forces: Floats) -> None:
         """Add the impulses of contact forces (count, dim), to be solved for."""
-        pushed = self.span * (self._jacobian.T @ forces.ravel())
+        self._impel(self.span * (self._jacobian.T @ forces.ravel()))
+
+    def _impel(self, pushed: Floats) -> None:
+        """Add impulses (v,) of contact."""
         if self.bodies.tree.free:  # moments about where the base is at the start, in space
             way, turn = self._base
             pushed[3:6] = turn @ pushed[3:6] + cross(way, pushed[:3])
@@ -414,6 +422,26 @@ class MechanismMidpoint(ShownMechanism):
         """Velocities where nodes touch at both ends of the layer without contact forces."""
         before = self._velocities(self._q, self._v, self._offset)
         return before, self._velocities(self.way(1.0), self._ahead, self._offset)
+
+    def turning(self) -> tuple[Floats, Floats]:
+        """Spins of the links of nodes at both ends of the layer, as it is solved now [rad/s]."""
+        tree, moving, on = self.bodies.tree, self.bodies.moving, self.bodies.on
+        ends = (self._q, self._v), (self.way(1.0), self._ahead)
+        before, after = (np.asarray(tree.jacobians(q, moving)[:, 3:] @ v)[on] for q, v in ends)
+        return before, after
+
+    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
+        """Displacements and turns of nodes by several moments on them; see `Rolling`."""
+        spins = self._links[self.bodies.on][:, 3:].reshape(-1, self.bodies.tree.rates)
+        ways = 0.5 * self.span**2 * (moments.reshape(len(moments), -1) @ spins @ self.reach)
+        moved, turned = (np.asarray(ways @ rows.T) for rows in (self._jacobian, spins))
+        return moved.reshape(moments.shape), turned.reshape(moments.shape)
+
+    def twist(self, moments: Floats) -> None:
+        """Add the layer's moments on nodes (count, turns)."""
+        spins = self._links[self.bodies.on][:, 3:].reshape(-1, self.bodies.tree.rates)
+        self._impel(self.span * (spins.T @ moments.ravel()))
+        self.settle()
 
     def spins(self) -> Floats:
         """Velocities where nodes touch by unit spins in the layer [m], (turns, count, dim)."""

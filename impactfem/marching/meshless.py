@@ -25,7 +25,6 @@ class Meshless:
     """
 
     whole_columns: int | None = None
-    rolling = False
     share = 1.0
     apart: Integers | None = None
 
@@ -38,6 +37,11 @@ class Meshless:
             counts: Whether this rank sums the bodies up.
         """
         self.dt, self.counts, self._gravity = dt, counts, gravity
+
+    @property
+    def rolling(self) -> bool:
+        """Whether it touches at places that change."""
+        return False
 
     @property
     def velocity(self) -> Floats:

@@ -75,7 +75,10 @@ class NewtonStepper(Stepper, Protocol):
         """How contact nodes answer to forces on them at the iterate, (several, count, dim)."""
 
     def correct(self, forces: Floats) -> None:
-        """Move the iterate, with a change of the contact forces (count, dim) (collective)."""
+        """Move the iterate, with a change of the contact forces (count, dim) (collective).
+
+        That of moments which `Rolling.twist` has given comes with it.
+        """
 
     def accept(self) -> None:
         """End the step at the iterate."""

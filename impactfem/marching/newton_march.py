@@ -17,12 +17,15 @@ are both of the order of the way that is left.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.followed_pair import FAR
+from impactfem.contact.friction_newton import ConeProblem
+from impactfem.contact.friction_solver import solve
+from impactfem.contact.speed_law import expanded
 from impactfem.contact.spring_steps import SpringStep
 from impactfem.contact.springs import unresolved
 from impactfem.errors import ConvergenceError
@@ -30,7 +33,8 @@ from impactfem.findings import Finding
 from impactfem.marching.newton_bodies import NewtonStepper
 from impactfem.marching.newton_impacts import arriving, obstacle_speed, way_ahead
 from impactfem.marching.newton_steps import LayerSums, Step
-from impactfem.marching.rubbing import frames, held_by_static, in_space, obeying, turned
+from impactfem.marching.resisting import Resisting, Turnable
+from impactfem.marching.rubbing import frames, held_by_static, in_space, turned
 from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
 
 _ITERATES = 25
@@ -58,6 +62,13 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self._soft = none if self._springs is None else self._springs.there
         self._tangential = np.zeros_like(self._normals)  # of the last step [N], (gaps, dim)
         self._law, self._stuck = self._friction, none  # in a step; what did not slip in the last
+        self._least = np.zeros(len(none))  # forces that are given in a step [N], (gaps,)
+        self._resisting: Resisting | None = None
+        law = self._friction
+        if law is not None and (law.rolling.any() or law.spinning.any()):
+            self._resisting = Resisting(
+                self._gaps, cast("Turnable", interior), (law.rolling, law.spinning)
+            )
 
     def findings(self) -> tuple[Finding, ...]:
         """Contacts too short for steps."""
@@ -177,7 +188,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             share = self._closing(before, closed, bound, start, end)
             if share < 1.0:
                 return None, share
-        step = self._held_step(start, end, last, before, closed)
+        step = self._struck_step(start, end, last, before, closed)
         if may_cut:
             share = self._closing(before, closed, interior.surface_iterate, start, end)
             if share < 1.0:
@@ -219,6 +230,18 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         largest: float = np.abs(way).max(initial=0.0)
         return np.asarray(np.abs(way - along).max(axis=1) <= _STILL * largest)
 
+    def _struck_step(
+        self, start: float, end: float, last: Floats, before: Floats, closed: Booleans
+    ) -> Step:
+        """A step whose impacts expand (Poisson); arguments and errors are those of `_step`."""
+        self._least = np.zeros(len(last))
+        step = self._held_step(start, end, last, before, closed)
+        if self._poisson is not None and step.struck.any():
+            given = expanded(self._poisson, step.force[:, 0], last)
+            self._least = np.where(step.massive, given, 0.0)
+            step = self._held_step(start, end, last, before, closed)
+        return step if self._resisting is None else replace(step, turned=self._resisting.work())
+
     def _held_step(
         self, start: float, end: float, last: Floats, before: Floats, closed: Booleans
     ) -> Step:
@@ -257,9 +280,10 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         room = self._room(last, before)
         middle_time = 0.5 * (start + end)
         interior.begin(start, end)
-        self._known = {}
+        self._begin_law(end - start)
         force: Floats | None = None
-        massive = arrived = np.zeros(len(before), dtype=bool)
+        massive = fresh = np.zeros(len(before), dtype=bool)
+        rebound: Floats | float = 0.0
         for iteration in range(_ITERATES):
             place = interior.surface_iterate
             middle = 0.5 * (begin + place)
@@ -279,24 +303,32 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             apart = way.copy()
             apart[:, 0] += room
             if self._by_mass:
-                massive = gaps.only_on(self._massive) & ~self._soft
+                loose = gaps.only_on(self._massive)
+                massive = loose & ~self._soft
                 may = np.where(massive, closed, may)
                 speed = self._speed(directions, start, end - start)
-                ahead = way_ahead(speed, self._lively, end - start)
-                apart[massive] = (way + ahead)[massive]
+                ahead = way + way_ahead(speed, self._lively, rebound, end - start)
+                apart[massive, 0], apart[loose, 1:] = ahead[massive, 0], ahead[loose, 1:]
             if left <= 1.0 and self._missed(apart, force, may) <= self.tolerance:
                 massive = massive & (force[:, 0] > 0.0)
-                struck = massive & (massive & arrived).any()
-                left_behind = self._left_behind(force, struck, apart)
-                return Step(directions, force, way, iteration, shift, massive, struck, left_behind)
+                struck = massive & (massive & fresh).any()
+                rest = self._left_behind(force, struck, apart)
+                return Step(directions, force, way, iteration, shift, massive, struck, rest)
             free = turned(directions, gaps.relative(interior.linearise()))
             if self._by_mass and not iteration:
-                fresh = massive & closed & (last == 0.0)
-                arrived = fresh & arriving(speed[:, 0], (way + free)[:, 0], end - start)
+                arrived = arriving(speed[:, 0], (way + free)[:, 0], end - start) & massive & closed
+                fresh = arrived & (last == 0.0)
+                rebound = self._rebound(arrived)  # the next iterate sees to it
             new = self._obeying(apart + free, directions, force, may)
             interior.correct(gaps.spread(in_space(directions, new - force)))
             force = new
         raise ConvergenceError(f"{_ITERATES} iterates")
+
+    def _begin_law(self, step: float) -> None:
+        """Forget what was known of another step; this one has a length [s]."""
+        self._known = {}
+        if self._resisting is not None:
+            self._resisting.begin(step)
 
     def _room(self, last: Floats, before: Floats) -> Floats:
         """What gaps may close by in a step [m], (gaps,), springs taken up; arguments of `_step`."""
@@ -326,6 +358,10 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         none = np.zeros(len(self.contact.gap))
         return none if self._restitution is None else self._restitution
 
+    def _rebound(self, arrived: Booleans) -> Floats | float:
+        """Share of the slip that impacts in some gaps reverse, (gaps,)."""
+        return 0.0 if self._law is None else np.where(arrived, self._law.rebound, 0.0)
+
     def _missed(self, apart: Floats, force: Floats, may: Booleans) -> float:
         """How far the increments are from the law [m].
 
@@ -334,11 +370,13 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             force: [N], (gaps, ways).
             may: Gaps in which there may be forces, (gaps,).
         """
-        normal = apart[:, 0]
+        normal, pushing = apart[:, 0], force[:, 0] - self._least
+        if (pushing < 0.0).any():
+            return np.inf
         shut = normal
         if self._pressed is not None:
             shut = np.where(self._soft, normal - self._foreseen, normal)
-        missed = np.where(force[:, 0] > 0.0, np.abs(shut), np.maximum(-normal, 0.0))[may]
+        missed = np.where(pushing > 0.0, np.abs(shut), np.maximum(-normal, 0.0))[may]
         worst = float(missed.max(initial=0.0))
         if self._law is None:
             return worst
@@ -353,6 +391,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             length = float(np.linalg.norm(trial))
             wanted = trial if length <= bound else bound / length * trial
             worst = max(worst, yields * float(np.abs(tau - wanted).max()))
+        if self._resisting is not None:
+            worst = max(worst, self._resisting.missed(force[:, 0]))
         return worst
 
     def _obeying(self, apart: Floats, directions: Floats, force: Floats, may: Booleans) -> Floats:
@@ -367,6 +407,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         """
         rows = np.flatnonzero(may & ((force[:, 0] > 0.0) | (apart[:, 0] < -self.tolerance)))
         found = np.zeros_like(force)
+        if self._resisting is not None and not len(rows):
+            self._resisting.rest()
         while len(rows):
             answers = self._answers_to(rows, directions)
             size = len(rows) * force.shape[1]
@@ -374,9 +416,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             matrix = answers[:, :, rows].reshape(size, size)
             matrix = 0.5 * (matrix + matrix.T)
             own = force[rows]
-            offset = apart[rows] - (matrix @ own.ravel()).reshape(own.shape)
-            springs = None if self._pressed is None else self._pressed.some(rows)
-            solved = obeying(matrix, offset, rows, own, self._law, self._how, springs)
+            solved = self._solved(matrix, apart[rows], rows, own, directions[rows])
             after = apart[:, 0] + np.einsum("jb,jbi->i", solved - own, answers[..., 0])
             missed = may & (after < -self.tolerance)
             missed[rows] = False
@@ -385,6 +425,33 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 return found
             rows = np.union1d(rows, np.flatnonzero(missed))
         return found
+
+    def _solved(
+        self, matrix: Floats, apart: Floats, rows: Integers, own: Floats, directions: Floats
+    ) -> Floats:
+        """Forces in gaps that take part, (rows, ways); moments that resist there come with them.
+
+        Args:
+            matrix: Their increments by forces [m/N], (rows ways, rows ways).
+            apart: Increments if the forces stay [m], (rows, ways).
+            rows: The gaps.
+            own: Their forces that stay [N], (rows, ways).
+            directions: Of the gaps, (rows, ways, dim).
+        """
+        least = np.zeros_like(own)
+        least[:, 0] = self._least[rows]
+        none = np.zeros(len(rows))
+        mu = none if self._law is None else self._law.coefficients[rows]
+        springs = None if self._pressed is None else self._pressed.some(rows)
+        more = own - least
+        offset = apart - (matrix @ more.ravel()).reshape(own.shape)
+        law = ConeProblem(matrix, offset, mu, least[:, 0], springs=springs)
+        if self._resisting is None:
+            return least + solve(law, more, self._how)[0]
+        law, start = self._resisting.beside(law, rows, directions, more)
+        found = solve(law, start, self._how)[0]
+        self._resisting.take(found[len(rows) :])
+        return least + found[: len(rows)]
 
     def _answers_to(self, rows: Integers, directions: Floats) -> Floats:
         """Increments by unit forces in some gaps, (rows, ways, gaps, ways).

@@ -22,6 +22,7 @@ class Step:
         left: Normal forces at its end [N], (gaps,); after impacts none.
         struck: Those of them in which nodes arrived with a speed, or others did at once, (gaps,).
         sticks: Gaps that are shut and do not slip, (gaps,); None without static friction.
+        turned: Work of moments that resist rolling and spinning [J], (gaps,); 0 without any.
     """
 
     directions: Floats
@@ -33,6 +34,7 @@ class Step:
     struck: Booleans
     left: Floats
     sticks: Booleans | None = None
+    turned: Floats | float = 0.0
 
 
 class LayerSums:
@@ -64,9 +66,10 @@ class LayerSums:
         self.iterations += step.iterations
         self.struck |= step.struck
         work = step.force * step.way
-        self.impacts += float(work[step.massive, 0].sum() + work[step.struck, 1:].sum())
+        rubbing = work[:, 1:].sum(axis=1) + step.turned
+        self.impacts += float(work[step.massive, 0].sum() + rubbing[step.struck].sum())
         if step.force.shape[1] > 1:
-            self.friction += float(work[~step.struck, 1:].sum())
+            self.friction += float(rubbing[~step.struck].sum())
             acting, way = told(step.directions, step.force, step.way[:, 1:])
             self.rubbed += span * acting[:, 1:]
             self.slid += np.where(step.force[:, 0] > 0.0, way, 0.0)

@@ -84,7 +84,7 @@ class RigidBodies(Meshless):
         self.massive = self.volatile = np.ones(ends[-1], dtype=bool)
         self.radiating = ~self.massive
         self._root_ends = np.arange(dim * ends[-1] + 1) * (1 + dim * (dim - 1) // 2)
-        self.rolling = bool(self._roll.any() or self._following.any() or self._rims)
+        self._rolls = bool(self._roll.any() or self._following.any() or self._rims)
         self._offset = self._following  # from nodes to where they touch
         self._loads = np.zeros((2, len(bodies), 3))
         q, v = (np.array([getattr(e, name) for e in bodies]) for name in ("position", "velocity"))
@@ -102,6 +102,11 @@ class RigidBodies(Meshless):
         self.freedom: Floats = self._turn @ self._inverse @ self._turn.swapaxes(1, 2)
         self.acting: Floats = self._bare + self._around(self._turn)
         self._begun = self._around(self._turn)
+
+    @property
+    def rolling(self) -> bool:
+        """Whether it touches at places that change."""
+        return self._rolls
 
     def _around(self, rotations: Floats) -> Floats:
         """The part of the arms of nodes in space that is along rims [m], (nodes, 3)."""

@@ -127,6 +127,7 @@ def make_loop(
     settings = LoopSettings(
         model.comm, scheme, gaps, solver, layers, tolerance, friction=law,
         most_pairs=MOST_PAIRS, springs=contacts.springs(scene),
+        restitution=contacts.restitution(scene), poisson=contacts.impulsive(scene),
     )  # fmt: skip
     if iterates:
         if limit is not None:
@@ -158,12 +159,7 @@ def make_loop(
             interior = JointedNewton([*bodies, *beside], model.joints, holding)
         plates = cast("Sequence[PlateMidpoint]", few)
         started = _brought_to_rest(bodies, interior, model, surfaces, settings, progress, plates)
-        settings = replace(
-            settings,
-            rest=_rest(started),
-            restitution=contacts.restitution(scene),
-        )
-        newton = NewtonMarch(interior, settings)
+        newton = NewtonMarch(interior, replace(settings, rest=_rest(started)))
         return Loop(newton, gaps, contacts, offsets, started)
     tipped = {} if model.joints is None else dict(model.joints.parts)
     tips = {
@@ -190,12 +186,7 @@ def make_loop(
             plates=cast("Sequence[PlateMidpoint]", few),
         )  # fmt: skip
     whole: Interior = solids[0] if alone else composite
-    settings = replace(
-        settings,
-        rest=_rest(started),
-        restitution=contacts.restitution(scene),
-        poisson=contacts.impulsive(scene),
-    )
+    settings = replace(settings, rest=_rest(started))
     linear_march = SolidMarch if law is None else RubbingMarch
     return Loop(linear_march(whole, settings), gaps, contacts, offsets, started)
 

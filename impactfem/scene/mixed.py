@@ -153,12 +153,6 @@ def _check_contact(scene: Content, contact: Contact, where: str, known: Mapping[
         if value and turning:
             text = f" = {show(value)} is not available on {turning[0]}, which turns; remove it."
             raise KeyedError(where, law, text)
-    iterates = ("restitution_law", "rolling_resistance")
-    for law in (*iterates, "spinning_resistance"):
-        # Of thousands of laws few have these.
-        if (value := getattr(contact, law)) and scene.iterated:
-            text = f" = {show(value)} is not available where {scene.iterated}; remove it."
-            raise KeyedError(where, law, text)
 
 
 def _check_waves(body: Body, contact: Contact, where: str, *, stiff: bool) -> None:

@@ -75,17 +75,6 @@ def check_springs(scene: Content) -> None:
                 text += "itself; remove it, or take a point, a rigid ball, a bar, a plate, or a "
                 text += "half_space."
                 raise KeyedError(f"contact[{index}]", "stiffness", text)
-    _check_around(scene)
-
-
-def _check_around(scene: Content) -> None:
-    """Refuse stiffnesses in scenes that do not know them; named is the first."""
-    each = ((law.stiffness, index) for index, law in enumerate(scene.contacts))
-    value, index = next(one for one in each if one[0] is not None)
-    where, shown = f"contact[{index}]", f" = {show(value)}: "
-    if scene.iterated and any(law.friction_coefficient > 0.0 for law in scene.laws.each):
-        text = f"{shown}beside friction it is not available where {scene.iterated}; remove one."
-        raise KeyedError(where, "stiffness", text)
 
 
 def check_itself(scene: Content) -> None:

@@ -4,6 +4,7 @@ import contextlib
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 import impactfem
 import impactfem.models.solids
@@ -12,6 +13,18 @@ METHODS = ("explicit", "massless", "conserving", "galerkin", "moreau_jean", "new
 FLOOR = {"kind": "half_space", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
 BALL = {"kind": "sphere", "center": [0.0, -2.0], "radius": 2.0}
 DISC = {"kind": "disc", "radius": 0.5, "center": [0.0, 0.51]}
+
+FAR = {
+    "kind": "solid", "name": "far", "model": "plane_strain", "strain": "finite",
+    "material": "neo_hookean", "density": 1100.0, "youngs_modulus": 1e6, "poisson_ratio": 0.3,
+    "shape": {"kind": "block", "size": [0.1, 0.1], "corner": [5.0, 5.0]}, "mesh_size": 0.05,
+    "supports": [{"surface": "bottom", "kind": "fixed"}],
+}  # fmt: skip
+"""Rubber that touches nothing: steps of all bodies are Newton's iterates."""
+FAR_3D = FAR | {
+    "model": "3d", "shape": {"kind": "block", "size": [0.1] * 3, "corner": [5.0] * 3}
+}  # fmt: skip
+alone_or_beside = pytest.mark.parametrize("beside", [False, True], ids=["alone", "beside rubber"])
 
 
 def scene(body, obstacles, duration, gravity, solve, output):

@@ -291,11 +291,6 @@ BOX = {"kind": "rigid", "name": "box", "mass": 1.0,
         ({"stiffness": 1.0, "restitution": 0.5}, [], "restitution = 0.5 is not available"),
         ({"between": ["box", "ball"], "stiffness": 1.0}, [BOX], "box, a rigid, may touch at many"),
         ({"between": ["ball", "s"], "stiffness": 1.0}, [SOLID], "s, a solid, may touch at many"),
-        (
-            {"stiffness": 1.0, "friction_coefficient": 0.2},
-            [SOLID | {"strain": "finite"}],
-            "beside friction it is not available where s ",
-        ),
     ],
 )
 def test_what_is_refused(law, bodies, says):
