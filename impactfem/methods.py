@@ -129,6 +129,7 @@ METHODS: Mapping[str, Method] = {
         "central differences with lumped mass and massless contact nodes: no system to solve but "
         "that of the contact; stable up to courant 1 only",
         finite=True,
+        mixes=True,
         stable="limited",
         bodies=SOLID,
     ),

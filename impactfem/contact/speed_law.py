@@ -57,10 +57,10 @@ class Halfway:
         return found
 
 
-def rebound(before: Floats, after: Floats, restitution: Floats, dt: float) -> Floats:
-    """(w_b + e w_a) dt / 2 of normal velocities [m]; see `Halfway`."""
+def rebound(before: Floats, after: Floats, restitution: Floats, half: float) -> Floats:
+    """(w_b + e w_a) dt / 2 of normal velocities [m], by dt / 2; see `Halfway`."""
     lively = np.where(before > 0.0, 1.0, restitution)
-    return np.asarray(0.5 * dt * (after + lively * before))
+    return np.asarray(half * (after + lively * before))
 
 
 def expanded(restitution: Floats, compression: Floats, before: Floats) -> Floats:

@@ -236,6 +236,17 @@ class Composite(Bodies[Interior]):
             found[own] = part.touched(normals[own])
         return found
 
+    @property
+    def rolled(self) -> Floats:
+        """Ways that surfaces have gone in the last layer besides their nodes [m]; staggered ones.
+
+        Of shape (count, dim).
+        """
+        found = np.zeros((self.offsets[-1], self._dim))
+        for own, part in self._rolling():
+            found[own] = part.rolled
+        return found
+
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, dim)."""
         return self._each(forces, keep=True)

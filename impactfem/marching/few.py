@@ -161,9 +161,22 @@ class FewInterior(Watched, Meshless):
         """Where contact nodes go if nothing changes [m], (count, dim)."""
         return self.bodies.places(self._q + (end - start) * self._v) - self._start
 
+    @property
+    def velocity_ahead(self) -> Floats:
+        """Of the contact nodes at the end of the step, as it is solved now [m/s], (count, dim)."""
+        return self.contact_speeds(self._start)[1]
+
+    def drift(self, span: float) -> None:
+        """Go on for a time [s] at the rates now, without forces."""
+        self._q = self._q + span * self._v
+
     def known(self) -> Floats:
         """Rates at the end of the step as it is solved now, to compare others with."""
         return self._ahead.copy()
+
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
+        """Velocities of the contact nodes at both ends of the step [m/s], (count, dim) each."""
+        raise NotImplementedError
 
     def inertia(self) -> list[Floats]:
         """Moments of inertia of each body [kg m^2]; 0 of points."""

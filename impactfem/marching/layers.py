@@ -188,6 +188,10 @@ class Rolling(Protocol):
             Ways, shape (count, dim); 0 of nodes that touch themselves.
         """
 
+    @property
+    def rolled(self) -> Floats:
+        """The same ways in the last layer, with contact; asked of what is staggered."""
+
     def turning(self) -> tuple[Floats, Floats]:
         """Spins of nodes at both ends of the layer without contact [rad/s], (count, turns) each."""
 

@@ -398,6 +398,17 @@ class MechanismMidpoint(ShownMechanism):
         way = 0.5 * self.span * (self._v + self._ahead)
         return np.asarray((self._jacobian @ way).reshape(-1, 3))
 
+    @property
+    def velocity_ahead(self) -> Floats:
+        """Of the contact nodes at the end of the step, as it is solved now [m/s], (count, dim)."""
+        return self._velocities(self.way(1.0), self._ahead, 0.0 * self._offset)
+
+    def drift(self, span: float) -> None:
+        """Go on for a time [s] at the rates now, without forces."""
+        self._q = self.bodies.tree.integrate(self._q, span * self._v)
+        self._angle = self._angle + span * self._v
+        self._begin()
+
     def predicted(self, start: float, end: float) -> Floats:
         """Where contact nodes go if nothing changes [m], (count, dim)."""
         there = self.bodies.tree.integrate(self._q, (end - start) * self._v)

@@ -398,6 +398,20 @@ class RigidBodies(Meshless):
         before = self._velocities(self._turn, self.rates, self._bare + first)
         return before, self._velocities(self.end, self.rates_ahead, self._ended + last)
 
+    @property
+    def velocity_ahead(self) -> Floats:
+        """Of the contact nodes at the end of the step, as it is solved now [m/s], (count, dim)."""
+        return self._velocities(self.end, self.rates_ahead, self._ended + self._around(self.end))
+
+    def drift(self, span: float) -> None:
+        """Go on for a time [s] at the rates now, without forces."""
+        ways = span * self._spin
+        turn = np.linalg.norm(ways, axis=1, keepdims=True)
+        halves = np.tan(0.5 * turn) / np.maximum(turn, np.finfo(float).tiny) * ways
+        self._centre = self._centre + span * self._speed
+        self._angles = turned_further(self._angles, halves, ways)
+        self._begin()
+
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Displacements of the contact nodes by several forces; nothing is massless."""
         wrench = self.wrenches(forces)

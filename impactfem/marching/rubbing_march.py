@@ -9,7 +9,7 @@ from impactfem.arrays import Floats, Integers
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.findings import Finding
 from impactfem.marching.composite import Composite
-from impactfem.marching.layers import DirectedAnswers, DirectedGaps, Interior
+from impactfem.marching.layers import DirectedAnswers, DirectedGaps, Interior, Rolling
 from impactfem.marching.resisting import Moments, resisting
 from impactfem.marching.rubbing import (
     Friction,
@@ -119,16 +119,16 @@ class RubbingMarch(SolidMarch):
             way: Of the contact nodes in the layer without contact forces [m], (nodes, dim).
             ends: Gaps of ends of bars [m], NaN elsewhere, (pairs,).
         """
-        gaps, dt = self._gaps, self.interior.dt
+        gaps, reach = self._gaps, self._reach
         before, after = (gaps.relative(each) for each in self.interior.contact_speeds(way))
         # Tangentially the speed at the end, against that of what is touched.
         earlier, later = self._obstacle_speeds()
-        slid: Floats = 0.5 * dt * (after - later)
+        slid: Floats = reach * (after - later)
         rebound = self._rebound(normals, before, after)
         self._slipping, self._fastest = before - earlier, float(np.abs(before).max(initial=0.0))
         if (lively := self._rubbing.law.rebound).any():
             arriving = np.where(self._arriving, lively, 0.0)[:, None]
-            slid = slid + 0.5 * dt * arriving * (before - earlier)
+            slid = slid + reach * arriving * (before - earlier)
         rebound = np.where(np.isnan(ends), rebound, ends)
         along = rebound - np.einsum("ij,ij->i", normals, slid)
         return np.asarray(slid + along[:, None] * normals)
@@ -154,7 +154,17 @@ class RubbingMarch(SolidMarch):
         if not (law.rolling.any() or law.spinning.any()):
             return None
         lengths = law.rolling, law.spinning
-        return resisting(self._gaps, self._turnable, rows, directions, lengths, self.interior.dt)
+        return resisting(self._gaps, self._turnable, rows, directions, lengths, 2.0 * self._reach)
+
+    def _earlier(self, last: Floats) -> tuple[Floats, Floats, Floats, Floats, float]:
+        """Multipliers, gaps, tangential forces and places where the law begins; how many layers."""
+        contact, state = self.contact, self._rubbing
+        if not self._skips:
+            return contact.multiplier, contact.gap, state.tangential, last, 1.0
+        place = state.older_place
+        if self.interior.rolling:  # the layer before the last level rolled too
+            place = place - cast("Rolling", self.interior).rolled
+        return contact.older_multiplier, contact.older_gap, state.older_tangential, place, 2.0
 
     def _layer_forces(  # noqa: PLR0915  (a layer is one matter)
         self, gap: Floats, normals: Floats, free: Floats, last: Floats
@@ -164,12 +174,7 @@ class RubbingMarch(SolidMarch):
         interior, gaps, contact, dt = self.interior, self._gaps, self.contact, self.interior.dt
         time, share, count = (self.layer + 1) * dt, interior.share, len(gap)
         force, multiplier, static = np.zeros(count), np.zeros(count), np.zeros_like(free)
-        old, old_gap, old_tangential, old_place, back = (
-            (contact.older_multiplier, contact.older_gap, state.older_tangential,
-             state.older_place, 2.0)
-            if self._skips
-            else (contact.multiplier, contact.gap, state.tangential, last, 1.0)
-        )  # fmt: skip
+        old, old_gap, old_tangential, old_place, back = self._earlier(last)
         state.work, self._true_gap = np.zeros(count), gap
         self._tangential = self._rubbing_force = np.zeros_like(normals)
         self._slid = None

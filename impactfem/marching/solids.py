@@ -29,6 +29,10 @@ class SolidMarch(TimeLoop[Interior]):
         self._determinacy = Determinacy()
         self._rolled = np.zeros(1)  # what surfaces move in a layer besides the contact nodes
         self._responses = self._answers()
+        # How far a speed at the end of a layer leads to its level, as answers to forces have it.
+        staggered = settings.scheme.staggered
+        self._reach = (1.0 if staggered else 0.5) * interior.dt
+        self._lag = 0.5 * interior.dt if staggered else 0.0  # of velocities behind levels [s]
         super().__init__(interior, settings)
 
     def _answers(self) -> Answers:
@@ -154,12 +158,13 @@ class SolidMarch(TimeLoop[Interior]):
         # Faster than forces make in one layer, and than rounding.
         self._arriving = one < -np.maximum(np.abs(two - one), self.tolerance / dt)
         lively = np.zeros(len(normals)) if self._restitution is None else self._restitution
-        return rebound(one, two, lively, dt)
+        return rebound(one, two, lively, self._reach)
 
     def _obstacle_speeds(self) -> tuple[Floats, Floats]:
         """Of what gaps face on obstacles, at both ends of the layer [m/s], (pairs, dim) each."""
         gaps, dt = self._gaps, self.interior.dt
-        time, before = (self.layer + 1) * dt, max(self.layer * dt, 0.5 * dt)
+        time, before = (self.layer + 1) * dt - self._lag, self.layer * dt - self._lag
+        before = max(before, 0.5 * dt)
         one, two = (
             (gaps.shift(when + 0.5 * dt) - gaps.shift(when - 0.5 * dt)) / dt
             for when in (before, time)
@@ -192,11 +197,12 @@ class SolidMarch(TimeLoop[Interior]):
         fast = self._fast & (force > 0.0)
         if not fast.any():
             return
-        row, way = self.layer, self._mean_way + self._true_gap - gap
-        self.rows.impact_work[row] = float(force[fast] @ way[fast])
+        share, answered = self.interior.share, 0.5 * self.interior.dt / self._reach
+        row, way = self.layer, self._mean_way + answered * (self._true_gap - gap)
+        self.rows.impact_work[row] = share * float(force[fast] @ way[fast])
         if (fast & (self.contact.multiplier == 0.0) & self._arriving).any():
             self._impulsive = fast
-            self.rows.impact[row] = self.interior.dt * float(force[fast].sum())
+            self.rows.impact[row] = share * self.interior.dt * float(force[fast].sum())
 
     def _contact_forces(
         self, gap: Floats, normals: Floats, way: Floats

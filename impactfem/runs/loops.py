@@ -1,6 +1,6 @@
 """Make the time loop of a scene: bodies, their gaps, the solver of contact, their start."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any, cast
@@ -32,10 +32,13 @@ from impactfem.marching.newton_march import NewtonMarch
 from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.plate_newton import PlateNewton
 from impactfem.marching.pressing import Pressing
+from impactfem.marching.resting import Resting
 from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
+from impactfem.marching.staggered import Staggered
+from impactfem.marching.static_start import Arms
 from impactfem.marching.time_loop import LoopSettings, TimeLoop
 from impactfem.marching.tipped import TippedMidpoint
 from impactfem.marching.wave_bar import WaveBar
@@ -73,6 +76,7 @@ class Loop:
         contacts: What they are between.
         offsets: Where the contact nodes of each part of the march begin, and their number.
         started: How the bodies came to rest, if they start so.
+        joined: What joints hold, with them; None without any.
     """
 
     march: TimeLoop[Any]
@@ -80,6 +84,7 @@ class Loop:
     contacts: Contacts
     offsets: list[int]
     started: Started | None = None
+    joined: Any = None
 
 
 def make_loop(
@@ -123,72 +128,163 @@ def make_loop(
     alone = alone and model.joints is None and bool(contacts.obstacles)
     alone = alone and not contacts.obstacles[0].gaps.shares_nodes
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
-    solver, kind = _solver(numbers, tolerance), numbers.linear_solver
+    solver = _solver(numbers, tolerance)
     settings = LoopSettings(
         model.comm, scheme, gaps, solver, layers, tolerance, friction=law,
         most_pairs=MOST_PAIRS, springs=contacts.springs(scene),
         restitution=contacts.restitution(scene), poisson=contacts.impulsive(scene),
     )  # fmt: skip
-    if iterates:
-        if limit is not None:
-            explicit = [
-                FiniteLeapfrog(
-                    part.system, part.solid, surface, transfer, dt,
-                    fitting_solver(kind, part.system.num_dofs, model.dim), limit,
-                )
-                for part, surface, transfer in each
-            ]  # fmt: skip
-            together: LevelStepper = explicit[0] if alone else LeapfrogBodies(explicit)
-            started = _brought_to_rest(explicit, together, model, surfaces, settings, progress)
-            level = LevelMarch if alone else CoupledLevels
-            march = level(together, replace(settings, rest=_rest(started)))
-            return Loop(march, gaps, contacts, offsets, started)
-        bodies = [
-            FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)
-            for part, surface, transfer in each
+    made = _Making(
+        model, numbers.linear_solver, scheme, each, few, surfaces, settings, progress, dt, alone
+    )
+    if not iterates:
+        started, joined, march = made.linear()
+    elif limit is None:
+        started, joined, march = made.iterated()
+    else:
+        started, joined, march = made.levels(limit)
+    return Loop(march, gaps, contacts, offsets, started, joined if model.joints else None)
+
+
+@dataclass(frozen=True)
+class _Making:
+    """What marches are made of; see `make_loop`.
+
+    Attributes:
+        kind: Of the linear solver.
+        surfaces: Contact nodes of the solids.
+        settings: Of the march, but for its start.
+        dt: Time step [s].
+        alone: Whether each contact node of one solid has one gap.
+    """
+
+    model: SolidsModel
+    kind: str
+    scheme: SolidScheme
+    each: Sequence[Discretised]
+    few: Sequence[Marched]
+    surfaces: Sequence[SurfaceNodes]
+    settings: LoopSettings
+    progress: Progress
+    dt: float
+    alone: bool
+
+    def _beginning(self, started: Started | None) -> LoopSettings:
+        """The settings, with what a march takes of the equilibrium that it starts from."""
+        rest = None if started is None else (started.rest.multiplier, started.static)
+        return replace(self.settings, rest=rest)
+
+    def _brought_to_rest(
+        self, bodies: Sequence[FiniteBody], interior: Stepper, *, plates: bool = False
+    ) -> Started | None:
+        """Start bodies among which some have finite strain at rest, if their scene asks for it.
+
+        Args:
+            bodies: The solids.
+            interior: What marches all bodies.
+            plates: Whether the others are plates.
+
+        Returns:
+            How they came to rest; None if it was not asked for.
+        """
+        model = self.model
+        if not model.scene.starts_at_rest:
+            return None
+        gravity = np.asarray(model.scene.vector_gravity.at(0.0))
+        spins = [spin_of(part) for part in model.parts]
+        resting = [
+            body.at_rest(part.solid.name, gravity, spin)
+            for body, part, spin in zip(bodies, model.parts, spins, strict=True)
         ]
+        ends = np.cumsum([0, *(surface.count for surface in self.surfaces)])
+
+        def arms(there: Floats, places: Sequence[Floats]) -> Floats:
+            """As the march has them: solids of small strains turn none, they move with the centre.
+
+            Plates, which come last, are where they are.
+            """
+            found = there.copy()
+            for part, place, own in zip(model.parts, places, pairwise(ends), strict=False):
+                if not part.solid.is_finite:
+                    found[slice(*own)] = part.system.mean(place)
+            return found
+
+        started = self._start(resting, interior, np.zeros_like, arms, plates=plates)
+        for body, spin in zip(bodies, spins, strict=True):
+            body.turn(spin)
+        return started
+
+    def _start(
+        self, resting: Sequence[Resting], interior: Stepper, static: Callable[[Floats], Floats],
+        arms: Arms | None, *, plates: bool,
+    ) -> Started:  # fmt: skip
+        """Bring bodies to rest; see `start_at_rest`."""
+        self.progress.step("bringing the bodies to rest")
+        settings = self.settings
+        pressing = Pressing(settings.active_set, settings.tolerance, settings.springs)
+        return start_at_rest(
+            self.model, resting, self.surfaces, interior, static, settings.gaps, pressing, arms,
+            cast("Sequence[PlateMidpoint]", self.few) if plates else (),
+        )  # fmt: skip
+
+    def levels(self, limit: float) -> tuple[Started | None, Any, TimeLoop[Any]]:
+        """Of solids under finite strain in explicit steps, stable up to a limit [s]."""
+        kind, dim = self.kind, self.model.dim
+        bodies = [
+            FiniteLeapfrog(
+                part.system, part.solid, surface, transfer, self.dt,
+                fitting_solver(kind, part.system.num_dofs, dim), limit,
+            )
+            for part, surface, transfer in self.each
+        ]  # fmt: skip
+        together: LevelStepper = bodies[0] if self.alone else LeapfrogBodies(bodies)
+        started = self._brought_to_rest(bodies, together)
+        march = LevelMarch if self.alone else CoupledLevels
+        return started, None, march(together, self._beginning(started))
+
+    def iterated(self) -> tuple[Started | None, Any, TimeLoop[Any]]:
+        """Of bodies whose steps are solved by iterates; what joints hold is with them."""
+        kind, joints, first = self.kind, self.model.joints, len(self.each)
+        bodies = [FiniteMidpoint(p.system, p.solid, s, t, self.dt, kind) for p, s, t in self.each]
         beside = [
             cast("NewtonStepper", part)
             if isinstance(part, PlateNewton)
             else Iterated(cast("Resolving", part))
-            for part in cast("list[Any]", _steppers(model, few))
+            for part in cast("list[Any]", _steppers(self.model, self.few))
         ]
-        interior: NewtonStepper = bodies[0] if alone else NewtonBodies([*bodies, *beside])
-        if model.joints is not None:
-            holding = [few[at - len(each)].held(own) for at, own in model.joints.parts]
-            interior = JointedNewton([*bodies, *beside], model.joints, holding)
-        plates = cast("Sequence[PlateMidpoint]", few)
-        started = _brought_to_rest(bodies, interior, model, surfaces, settings, progress, plates)
-        newton = NewtonMarch(interior, replace(settings, rest=_rest(started)))
-        return Loop(newton, gaps, contacts, offsets, started)
-    tipped = {} if model.joints is None else dict(model.joints.parts)
-    tips = {
-        k: _tipped(*parts, dt, kind, model.tips[k].nodes, tipped[k])
-        for k, parts in enumerate(each)
-        if k in tipped
-    }
-    solids = [tips.get(k) or _interior(*parts, scheme, dt, kind) for k, parts in enumerate(each)]
-    parts, movable = [*solids, *_steppers(model, few)], [_free(*parts[:2]) for parts in each]
-    composite = Composite(parts, movable)
-    if model.joints is not None:
-        held = [
-            (tips.get(place) or few[place - len(each)]).held(stations)
-            for place, stations in model.joints.parts
-        ]
-        composite = Jointed(parts, movable, model.joints, held)
-    started = None
-    if scene.starts_at_rest:
-        progress.step("bringing the bodies to rest")
-        linear = linear_bodies(model, each, kind)
-        started = start_at_rest(
-            model, linear, surfaces, composite, composite.static, gaps,
-            Pressing(solver, tolerance, settings.springs),
-            plates=cast("Sequence[PlateMidpoint]", few),
-        )  # fmt: skip
-    whole: Interior = solids[0] if alone else composite
-    settings = replace(settings, rest=_rest(started))
-    linear_march = SolidMarch if law is None else RubbingMarch
-    return Loop(linear_march(whole, settings), gaps, contacts, offsets, started)
+        interior: NewtonStepper = bodies[0] if self.alone else NewtonBodies([*bodies, *beside])
+        if joints is not None:
+            held = [self.few[at - first].held(own) for at, own in joints.parts]
+            interior = JointedNewton([*bodies, *beside], joints, held)
+        started = self._brought_to_rest(bodies, interior, plates=True)
+        return started, interior, NewtonMarch(interior, self._beginning(started))
+
+    def linear(self) -> tuple[Started | None, Any, TimeLoop[Any]]:
+        """Of bodies whose steps are linear but for contact; what joints hold is with them."""
+        model, joints, settings = self.model, self.model.joints, self.settings
+        kind, few = self.kind, self.few
+        holds = () if joints is None else joints.parts
+        tipped, solids = dict(holds), list[Interior]()
+        tips: dict[int, TippedMidpoint] = {}
+        for k, parts in enumerate(self.each):
+            if k in tipped:
+                tips[k] = _tipped(*parts, self.dt, kind, model.tips[k].nodes, tipped[k])
+            solids.append(tips.get(k) or _interior(*parts, self.scheme, self.dt, kind))
+        steppers, movable = _steppers(model, few), [_free(*parts[:2]) for parts in self.each]
+        held = [(tips.get(at) or few[at - len(solids)]).held(own) for at, own in holds]
+        amid = self.scheme.explicit and steppers  # bodies whose steps end amid layers
+        inner, free = (steppers, []) if amid else ([*solids, *steppers], movable)
+        joined = Composite(inner, free) if joints is None else Jointed(inner, free, joints, held)
+        whole = joined
+        if amid:
+            whole = Composite([*solids, Staggered(joined).as_interior()], movable)
+        started = None
+        if model.scene.starts_at_rest:
+            linear = linear_bodies(model, self.each, kind)
+            started = self._start(linear, whole, whole.static, None, plates=True)
+        march = SolidMarch if settings.friction is None else RubbingMarch
+        interior = solids[0] if self.alone else whole
+        return started, joined, march(interior, self._beginning(started))
 
 
 def _steppers(model: SolidsModel, few: Sequence[Marched]) -> list[Interior]:
@@ -201,63 +297,6 @@ def _steppers(model: SolidsModel, few: Sequence[Marched]) -> list[Interior]:
         if not held:
             made.step_together([few[k] for k in places])
     return list(dict.fromkeys(part.stepper for part in few))
-
-
-def _rest(started: Started | None) -> tuple[Floats, Floats] | None:
-    """What a march takes of the equilibrium that it starts from."""
-    return None if started is None else (started.rest.multiplier, started.static)
-
-
-def _brought_to_rest(
-    bodies: Sequence[FiniteBody],
-    interior: Stepper,
-    model: SolidsModel,
-    surfaces: Sequence[SurfaceNodes],
-    settings: LoopSettings,
-    progress: Progress,
-    plates: Sequence[PlateMidpoint] = (),
-) -> Started | None:
-    """Start bodies among which some have finite strain at rest, if their scene asks for it.
-
-    Args:
-        bodies: The solids.
-        interior: What marches all bodies.
-        model: See `make_loop`, and so are the others.
-        surfaces: Contact nodes of the solids.
-        settings: Of the march.
-        progress: See there.
-        plates: What marches plates.
-
-    Returns:
-        How they came to rest; None if it was not asked for.
-    """
-    scene = model.scene
-    if not scene.starts_at_rest:
-        return None
-    progress.step("bringing the bodies to rest")
-    gravity = np.asarray(scene.vector_gravity.at(0.0))
-    spins = [spin_of(part) for part in model.parts]
-    resting = [
-        body.at_rest(part.solid.name, gravity, spin)
-        for body, part, spin in zip(bodies, model.parts, spins, strict=True)
-    ]
-    ends = np.cumsum([0, *(surface.count for surface in surfaces)])
-
-    def arms(there: Floats, places: Sequence[Floats]) -> Floats:
-        """As the march has them: solids of small strains turn none, they move with the centre."""
-        found = there.copy()  # of plates, which come last, where they are
-        for part, place, own in zip(model.parts, places, pairwise(ends), strict=False):
-            if not part.solid.is_finite:
-                found[slice(*own)] = part.system.mean(place)
-        return found
-
-    started = start_at_rest(
-        model, resting, surfaces, interior, np.zeros_like, settings.gaps,
-        Pressing(settings.active_set, settings.tolerance, settings.springs), arms, plates,
-    )  # fmt: skip
-    for body, spin in zip(bodies, spins, strict=True):
-        body.turn(spin)
-    return started
 
 
 def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:

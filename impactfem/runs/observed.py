@@ -87,7 +87,7 @@ class Observed:
         if places is None and numbers.estimate:
             places = chosen_places(model, few, march.layers)
         kept = Kept.of(places, model, few) if places else None
-        joined = [march.interior.told] if model.joints else []
+        joined = [loop.joined.told] if model.joints else []
         probes = SolidProbes.of(march, model, few, joined, kept)
         touching = ContactPlaces.of(march, loop.gaps, loop.contacts, model)
         axes = AxisWatch(model, few, loop.contacts.places, march.layers)

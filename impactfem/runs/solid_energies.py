@@ -26,11 +26,13 @@ def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats) -> Floats:
         rows: As the march has left them.
         elastic: Sums of the elastic energy [J], without that of contact for explicit schemes.
     """
-    energy = elastic + rows.spring_energy
-    if scheme.massless and scheme.staggered:
-        contact = rows.contact_energy
-        energy[1:] += 0.5 * (contact[1:] + contact[:-1])
-        energy[0] += contact[0]
+    if not scheme.staggered:
+        return elastic + rows.spring_energy
+    energy, held = elastic.copy(), rows.spring_energy.copy()
+    if scheme.massless:
+        held += rows.contact_energy
+    energy[1:] += 0.5 * (held[1:] + held[:-1])  # amid layers, as all else
+    energy[0] += held[0]
     return energy
 
 

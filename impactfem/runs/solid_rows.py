@@ -121,7 +121,7 @@ def solids_motion(seen: Observed) -> SolidsMotion:
         found = inertia_findings(missing, effort.bodies, bodies, own, rounding)
         effort = replace(effort, findings=(*effort.findings, *found))
     if model.joints is not None:
-        opened = opening_findings(model.scene, history, march.interior.opened())
+        opened = opening_findings(model.scene, history, seen.loop.joined.opened())
         effort = replace(effort, findings=(*effort.findings, *opened))
     if started is not None:
         effort = replace(

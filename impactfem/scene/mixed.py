@@ -169,9 +169,28 @@ def _check_waves(body: Body, contact: Contact, where: str, *, stiff: bool) -> No
 
 def _check_method(scene: Content) -> None:
     method = scene.solve.method
-    if method is None or method in MARCHING:
+    limited = method is not None and METHODS[method].stable == "limited"
+    fitting = " or ".join(
+        show(n) for n in MARCHING if scene.solids or METHODS[n].stable == "always"
+    )
+    if limited and scene.solids and method in MARCHING:
+        _check_explicit(scene, fitting)
+    if method is None or (method in MARCHING and (scene.solids or not limited)):
         return
-    fitting = " or ".join(show(name) for name in MARCHING)
     what = scene.why_marched or f"bodies of kind {' and '.join(sorted(scene.kinds))}"
     text = f" = {show(method)} does not solve {what}: give {fitting}."
     raise KeyedError("solve", "method", text)
+
+
+def _check_explicit(scene: Content, fitting: str) -> None:
+    """Refuse what is not stepped amid the layers of explicit solids."""
+    remedy = f"remove it, or give solve.method = {fitting}."
+    solids = {solid.name for solid in scene.solids}
+    for index, body in enumerate(scene.bodies):
+        if body.name not in solids and (body.has_surface or not body.substeps):
+            text = f" = {show(body.kind)}: beside solids in explicit steps {body.name} has none "
+            raise KeyedError(f"body[{index}]", "kind", f"{text}that end amid theirs; {remedy}")
+    for index, joint in enumerate(scene.joints):
+        if held := sorted(joint.bodies & solids):
+            text = f" = {show(list(joint.between or ()))}: explicit steps do not hold surfaces of "
+            raise KeyedError(f"joint[{index}]", "between", f"{text}{held[0]}; {remedy}")

@@ -168,7 +168,7 @@ def test_velocity_rule_stops_the_nodes_that_would_penetrate():
     response = np.diag([2.0, 1.0, 1.0])
     free, speed = np.array([-0.1, 0.2, -0.1]), np.array([-1.0, -1.0, 0.5])
     none = np.zeros(3)
-    ways = rebound(none, speed, none, 0.1)[:, None]
+    ways = rebound(none, speed, none, 0.05)[:, None]
     halfway = Halfway(np.ones(3, dtype=bool), ways, np.zeros(3, dtype=bool))
     found = _solved(free, response, np.zeros((3, 3)), (none, none), "middle", halfway)
     assert found.force == pytest.approx([1.0 / 40.0, 0.0, 0.0])
@@ -213,7 +213,7 @@ def test_gaps_at_speed_beside_massless_ones_gain_no_energy(seed, size, rule):
     before = rng.standard_normal(size)
     after = 2.0 / dt * (free - gap) - before  # of nodes with mass: their way is that of the gap
     lively = rng.random(size)
-    law = np.where(ends, free, rebound(before, after, lively, dt))
+    law = np.where(ends, free, rebound(before, after, lively, 0.5 * dt))
     halfway = Halfway(alone, law[:, None], ends)
     found = _solved(free, response, compliance, (old, gap), rule, halfway)
     scale = 1.0 + np.abs(found.force).max() * np.abs(found.gap).max()

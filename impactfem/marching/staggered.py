@@ -1,0 +1,119 @@
+"""Bodies that solve their own steps, beside solids in explicit steps.
+
+What an explicit step conserves pairs the velocities amid its layers with forces F_m at the levels.
+Other bodies take their own step of a layer's length from amid one layer to amid the next, with F_m,
+and go on from there to the level at the rates they have:
+
+    x_{m+1} = x_{m+1/2} + dt v_{m+1/2} / 2,    v_{m+1/2} = v_{m-1/2} + dt M^-1 (f + H^T F_m),
+
+x_{m+1/2} and v_{m+1/2} the ends of the step. F_m then does the work F_m (x_{m+1} - x_{m-1}) / 2 on
+them, as the law of contact has it, whose energies are those amid layers; of a body that turns that
+is so to second order. Gaps see the levels, where the bodies are shown too. The first step is half
+as long, and so is what contact pushes in it.
+"""
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+import numpy as np
+
+from impactfem.arrays import Floats
+from impactfem.contact.pair_responses import Roots
+from impactfem.marching.composite import Composite
+from impactfem.marching.layers import Interior, Sums
+
+
+class Staggered:
+    """Such bodies as an interior of an explicit march; see `impactfem.marching.layers.Interior`.
+
+    What is not said here is that of the bodies.
+
+    Attributes:
+        bodies: They, joined or not.
+        dt: Time step [s].
+        share: Part of the layer's contact force that acts.
+        rolled: Ways that surfaces that roll have gone in the last layer besides the contact nodes
+            [m], (count, dim).
+    """
+
+    def __init__(self, bodies: Composite) -> None:
+        """Begin at t = 0."""
+        self.bodies, self.dt, self.share = bodies, bodies.dt, 1.0
+        self._reach = 2.0  # how far answers at levels go, over those at the ends of steps
+        self.rolled = np.zeros_like(bodies.surface_displacement)
+
+    def __getattr__(self, name: str) -> Any:
+        """What all bodies have."""
+        return getattr(self.bodies, name)
+
+    def as_interior(self) -> Interior:
+        """It by its type."""
+        return cast("Interior", self)
+
+    def begin(self, start: float, end: float) -> None:
+        """Solve the step that ends amid the layer, without contact forces."""
+        first, half = start == 0.0, 0.5 * self.dt
+        if not first:
+            self._drift(-half)
+        self.bodies.begin(0.0 if first else start - half, end - half)
+        self.share, self._reach = (0.5, 8.0) if first else (1.0, 2.0)
+
+    def _drift(self, span: float) -> None:
+        for part in cast("tuple[Any, ...]", self.bodies.parts):
+            part.drift(span)
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """Displacement of the contact nodes at the level that ends the layer [m], (count, dim)."""
+        parts = cast("tuple[Any, ...]", self.bodies.parts)
+        speeds = np.concatenate([part.velocity_ahead for part in parts])
+        return np.asarray(self.bodies.surface_iterate + 0.5 * self.dt * speeds)
+
+    def touched(self, normals: Floats) -> Floats:
+        """Learn where nodes touch; ways that their surface goes in the layer besides [m]."""
+        self.bodies.touched(normals)
+        speeds = self.bodies.contact_speeds(normals)[1]
+        parts = cast("tuple[Any, ...]", self.bodies.parts)
+        nodes = np.concatenate([part.velocity_ahead for part in parts])
+        return np.asarray(self.dt * (speeds - nodes))
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Answers at the level to several forces (several, count, dim)."""
+        moved, static = self.bodies.columns(forces)
+        return self._reach * moved, static
+
+    def answers(self, forces: Floats) -> tuple[Floats, Floats]:
+        """The same, but not numbered."""
+        moved, static = self.bodies.answers(forces)
+        return self._reach * moved, static
+
+    def roots(self) -> Roots | None:
+        """Answers of the bodies that have some."""
+        found = self.bodies.roots()
+        return None if found is None else (found[0], np.sqrt(self._reach) * found[1])
+
+    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
+        """Displacements of all nodes, and turns of their bodies, by moments on nodes."""
+        moved, turned = self.bodies.twisted(moments)
+        return self._reach * moved, self._reach * turned
+
+    def memory(self) -> dict[str, Floats]:
+        """What the next layer needs besides."""
+        return self.bodies.memory() | {"rolled": self.rolled.copy()}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        self.bodies.remember(memory)
+        self.rolled = memory["rolled"].copy()
+
+    def finish(self, static: Floats) -> list[Sums]:
+        """End the step and go on to the level; sums amid the layer, but moments of the level."""
+        half, found = 0.5 * self.dt, self.bodies.finish(static)
+        if self.bodies.rolling:
+            parts = cast("tuple[Any, ...]", self.bodies.parts)
+            besides = [part.touching_velocity - part.surface_velocity for part in parts]
+            self.rolled = self.dt * np.concatenate(besides)
+        self._drift(half)
+        for sums in found:
+            sums.first_moment = sums.first_moment + half * sums.momentum
+        return found

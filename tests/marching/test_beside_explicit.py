@@ -1,0 +1,183 @@
+"""Bodies beside solids in explicit steps: laws, energy, order, joints, restart, ranks."""
+
+import numpy as np
+import pytest
+from moving_scenes import check_ranks, check_restart
+
+import impactfem
+from impactfem import Scene, SceneError
+
+FLOOR = {"kind": "half_space", "name": "floor", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+SOLID = {
+    "kind": "solid", "name": "s", "model": "plane_strain", "strain": "small", "density": 1100.0,
+    "youngs_modulus": 1e6, "poisson_ratio": 0.3, "mesh_size": 0.025,
+    "shape": {"kind": "block", "size": [0.1, 0.1], "corner": [0.0, 0.0]},
+    "supports": [{"surface": "bottom", "kind": "fixed"}],
+}  # fmt: skip
+POINT = {
+    "kind": "point", "name": "b", "mass": 0.1, "radius": 0.01, "position": [0.05, 0.1105],
+    "velocity": [0.0, -0.5],
+}  # fmt: skip
+DISC = {
+    "kind": "rigid", "name": "b", "mass": 0.05, "velocity": [0.5, -0.3], "angular_velocity": 5.0,
+    "shape": {"kind": "disc", "radius": 0.02, "center": [0.03, 0.1201]},
+}  # fmt: skip
+BOX = {
+    "kind": "rigid", "name": "b", "density": 1000.0, "velocity": [0.0, -0.5],
+    "shape": {"kind": "block", "size": [0.04, 0.04], "corner": [0.03, 0.1005]},
+}  # fmt: skip
+AWAY = {
+    "kind": "rigid", "name": "b", "mass": 1.0, "velocity": [1.0, -1.0],
+    "shape": {"kind": "disc", "radius": 0.02, "center": [-0.3, 0.0205]},
+}  # fmt: skip
+
+
+def scene(bodies, law=(), duration=4e-3, dt=2e-5, gravity=(0.0, 0.0), method="explicit", **more):
+    return Scene.from_dict(
+        {
+            "title": "beside explicit", "duration": duration, "gravity": list(gravity),
+            "body": list(bodies), "obstacle": [FLOOR], "contact": list(law),
+            "solve": {"dt": dt, "estimate": False, "method": method}, "output": {"fields": []},
+        } | more
+    )  # fmt: skip
+
+
+def run(*given, **more):
+    return impactfem.solve(scene(*given, **more)).history
+
+
+def law(**more):
+    return [{"between": ["b", "floor"]} | more]
+
+
+@pytest.mark.parametrize(
+    ("of", "expected"),
+    [
+        ({"friction_coefficient": 0.1, "restitution": 0.5}, (0.85, 0.5, -0.15 / 0.01)),
+        (
+            {"friction_coefficient": 10.0, "restitution": 1.0, "tangential_restitution": 1.0},
+            (1.0 / 3.0, 1.0, -2.0 / 3.0 / 0.01),
+        ),
+        ({"restitution": 0.5, "restitution_law": "poisson"}, (1.0, 0.5, 0.0)),
+        ({"stiffness": 1e7}, (1.0, 1.0, 0.0)),
+    ],
+    ids=["slides", "superball", "poisson", "gives way"],
+)
+def test_laws_of_impact_are_those_of_rigid_bodies(of, expected):
+    """A disc strikes a floor: the spin takes the friction's moment, I = m r^2 / 2."""
+    result = impactfem.solve(scene([SOLID, AWAY], law(**of)))
+    found = result.history
+    told = -result.summary["details"].get("energy_taken", {}).get("impacts", 0.0)
+    speeds = [found[f"b.{name}"].values[-1] for name in ("vx", "vy")]
+    assert speeds == pytest.approx(expected[:2], abs=1e-9)
+    spin = np.diff(found["b.angle"].values)[-1] / 2e-5
+    assert spin == pytest.approx(expected[2], abs=1e-6)
+    if "stiffness" in of:
+        assert np.ptp(found["total_energy"].values) < 1e-12
+    energy = found["total_energy"].values[-1] - found["total_energy"].values[0]
+    told += found["friction_work"].values[-1] if "friction_work" in found else 0.0
+    assert energy == pytest.approx(told, abs=1e-12)
+
+
+def test_a_body_that_flies_and_falls_is_where_it_should_be():
+    """Places are those of levels; speeds those of the layer before, as of explicit solids."""
+    found = run([SOLID, AWAY], gravity=(0.0, -9.81), duration=4e-4)
+    t = found["time"].values
+    np.testing.assert_allclose(found["b.x"].values, -0.3 + t, atol=1e-15)
+    fallen = 0.0205 - t - 0.5 * 9.81 * t**2
+    np.testing.assert_allclose(found["b.y"].values, fallen, atol=9.81 * 2e-5**2)
+    np.testing.assert_allclose(found["b.vy"].values[1:], -1.0 - 9.81 * (t[1:] - 1e-5), atol=1e-12)
+
+
+@pytest.mark.parametrize("body", [POINT, BOX, DISC], ids=["point", "box", "disc"])
+def test_impacts_on_solids_keep_energy_and_converge(body):
+    """Less the work of friction; what normals that turn do is told by energy at larger steps."""
+    rough = [{"between": ["b", "s"], "friction_coefficient": 0.3}]
+    speeds, drifts = [], []
+    for dt in (1e-4, 5e-5, 2.5e-5, 1.25e-5):
+        found = run([SOLID, body], rough, duration=6e-3, dt=dt)
+        kept = found["total_energy"].values - found["friction_work"].values
+        drifts.append(np.ptp(kept) / kept[0])
+        speeds.append([found[f"b.{name}"].values[-1] for name in ("vx", "vy")])
+    assert drifts[0] < 2e-3
+    assert drifts[-1] < 2e-4
+    changes = np.abs(np.diff(speeds, axis=0)).max(axis=1)
+    assert changes[0] < 0.01
+    assert changes[2] < 0.5 * changes[0]
+
+
+def test_fine_meshes_agree_with_implicit_steps():
+    """Both move the mass of contact nodes inwards; lumping makes the rest of the difference."""
+    speeds = {
+        method: [
+            run([SOLID | {"mesh_size": h}, BOX], duration=6e-3, method=method)["b.vy"].values[-1]
+            for h in (0.025, 0.0125)
+        ]
+        for method in ("explicit", "conserving")
+    }
+    coarse, fine = np.abs(np.subtract(speeds["explicit"], speeds["conserving"]))
+    assert coarse < 0.02
+    assert fine < 0.5 * coarse
+
+
+def test_joints_hold_bodies_beside():
+    """A hammer on a pin, and two points on a rod, strike a block."""
+    hammer = BOX | {"velocity": [0.0, 0.0], "shape": {"kind": "disc", "radius": 0.02,
+                                                      "center": [0.12, 0.14]}}  # fmt: skip
+    pin = {"kind": "revolute", "name": "j", "between": ["b", "ground"], "point": [0.06, 0.14]}
+    found = run(
+        [SOLID, hammer], duration=0.1, dt=1e-4, gravity=(0.0, -9.81), joint=[pin],
+        contact=[{"between": ["b", "s"], "friction_coefficient": 0.2}],
+    )  # fmt: skip
+    apart = np.hypot(found["b.x"].values - 0.06, found["b.y"].values - 0.14)
+    assert np.abs(apart - 0.06).max() < 1e-5
+    assert found["contact_force"].values.max() > 1.0
+    kept = found["total_energy"].values - found["friction_work"].values
+    assert np.ptp(kept) < 5e-3 * found["kinetic_energy"].values.max()
+
+
+def beside(*more):
+    pin = {"kind": "distance", "name": "j", "between": ["c", "d"],
+           "points": [[0.02, 0.1305], [0.08, 0.1305]]}  # fmt: skip
+    two = [
+        POINT | {"name": name, "position": [x, 0.1305]} for name, x in (("c", 0.02), ("d", 0.08))
+    ]
+    rough = [{"between": ["b", "s"], "friction_coefficient": 0.3, "rolling_resistance": 1e-3},
+             {"between": ["b", "floor"], "friction_coefficient": 0.3}]  # fmt: skip
+    made = scene([SOLID, DISC, *two, *more], rough, duration=8e-3, dt=4e-5, joint=[pin])
+    return made.with_settings({"output.checkpoint": 50})
+
+
+def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
+    check_restart(beside(), 90, tmp_path, monkeypatch)
+
+
+@pytest.mark.parallel(2)
+def test_two_ranks_do_the_same(monkeypatch):
+    check_ranks(beside, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "more", "says"),
+    [
+        (
+            [{"kind": "bar", "name": "b", "length": 0.5, "youngs_modulus": 1e9, "density": 1e3,
+              "area": 1e-4, "point": [0.05, 0.1005], "axis": [0.0, 1.0], "velocity": -0.5}],
+            {}, r'body\[1\].kind = "bar": beside solids in explicit steps b has none',
+        ),
+        (
+            [BOX],
+            {"joint": [{"kind": "revolute", "name": "j", "between": ["s/top", "b"],
+                        "point": [0.05, 0.1]}]},
+            r"joint\[0\].between = .* explicit steps do not hold surfaces of s",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_not_stepped_amid_layers_is_refused(bodies, more, says):
+    with pytest.raises(SceneError, match=says):
+        scene([SOLID, *bodies], **more)
+
+
+def test_explicit_steps_want_a_solid():
+    with pytest.raises(SceneError, match=r'solve.method = "explicit" does not solve'):
+        scene([POINT, AWAY | {"name": "c"}])
