@@ -146,8 +146,9 @@ class BallPair(Anew):
         then is that of the change of the gap, but for the cube of the way.
         """
         near, reach = self._near(places)
-        gaps, _, direction = self._looks(near, places)
+        gaps, there, direction = self._looks(near, places)
         _, shares, amid = self._looks(near, acting)
+        amid = self._past(near, acting, there, shares, amid)
         gaps = np.where(gaps <= reach[:, None], gaps, np.inf)
         target, dim, count = near, places.shape[1], self.count
         gap, normal = np.full(count, self.far), np.zeros((count, dim))
@@ -168,6 +169,30 @@ class BallPair(Anew):
         found = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
         weights = csr_matrix(found, shape=(count, self.total))
         return Meeting(weights, gap, normal, np.zeros(count))
+
+    def _past(
+        self, target: Target, acting: Floats, there: Floats, shares: Floats, amid: Floats
+    ) -> Floats:
+        """Directions amid the way; of a place that slides past an edge that of the face it is on.
+
+        From the edge itself it would be along the way.
+
+        Args:
+            target: What is met.
+            acting: Places of all nodes amid the way.
+            there: Weights of closest points at the end of it, (balls, simplices, corners).
+            shares: The same amid it.
+            amid: Directions by these, (balls, simplices, dim).
+        """
+        sharp = self.radius == 0.0
+        if target.signs is None or not sharp.any():
+            return amid
+        passed = (there > _SAME).all(axis=2) & (shares <= _SAME).any(axis=2) & sharp[:, None]
+        if not passed.any():
+            return amid
+        faces = target.normals(acting)
+        faces = faces / np.maximum(np.linalg.norm(faces, axis=1), _TINY)[:, None]
+        return np.where(passed[..., None], faces, amid)
 
     def _near(self, places: Floats) -> tuple[Target, Floats]:
         """What of the target may be closest to balls, and gaps up to which nothing is missing [m].

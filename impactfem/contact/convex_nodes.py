@@ -20,6 +20,7 @@ from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
 
 _SAME = 1e-9  # share of a size that is none
+_LIKE = 0.5  # cosine of directions that belong to one face or to neighbours that hardly bend
 _ALONG = np.stack([1.0 - np.arange(1, 8) / 8.0, np.arange(1, 8) / 8.0], axis=1)
 """Weights of the corners at places along an edge."""
 
@@ -60,9 +61,16 @@ class NodesOnConvex(Anew):
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """How they meet with all contact nodes at some places (nodes, dim); see `BallPair`."""
         still = np.zeros(3)
-        gap, _, _ = self._looks(places, self.body.pose(places, still))
-        pose = self.body.pose(acting, still)
+        now, pose = (self.body.pose(each, still) for each in (places, acting))
+        gap, on, across = self._looks(places, now)
         _, at, normal = self._looks(acting, pose)
+        across, on = across @ now[1] @ pose[1].T, pose[0] + (on - now[0]) @ now[1] @ pose[1].T
+        # What slides past an edge is pushed out by the face it is behind, not by that before it.
+        past = (gap < 0.0) & (np.einsum("pd,pd->p", across, normal) < _LIKE)
+        height = np.einsum("pd,pd->p", in_space(acting[self.balls]) - on, across)
+        normal = np.where(past[:, None], across, normal)
+        foot = in_space(acting[self.balls]) - height[:, None] * across
+        at = np.where(past[:, None], foot, at)
         own = self.body.weights(at, -normal, pose, acting)
         values = np.hstack([np.ones((self.count, 1)), -own])
         beside = np.broadcast_to(self.body.nodes, own.shape)

@@ -254,3 +254,37 @@ def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
 @pytest.mark.parallel(2)
 def test_two_ranks_do_the_same(monkeypatch):
     check_ranks(rocking, monkeypatch)
+
+
+@pytest.mark.parametrize("method", ["conserving", "massless", "explicit"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_box_whose_corner_slides_past_a_node_is_not_caught_by_it(method, side):
+    """A node that was beside the box is under it in the next step: it is pushed down, not aside.
+
+    The box slides off, braked by friction and by what damping of the block takes.
+    """
+    block = {
+        "kind": "solid", "name": "s", "model": "plane_strain", "strain": "small",
+        "density": 1100.0, "youngs_modulus": 1e6, "poisson_ratio": 0.3, "mesh_size": 0.025,
+        "shape": {"kind": "block", "size": [0.1, 0.1], "corner": [-0.05, 0.0]},
+        "supports": [{"surface": "bottom", "kind": "fixed"}], "rayleigh_mass": 300.0,
+    }  # fmt: skip
+    box = {
+        "kind": "rigid", "name": "b", "density": 1000.0, "velocity": [0.3 * side, 0.0],
+        "shape": {"kind": "block", "size": [0.04, 0.04], "corner": [-0.02, 0.1]},
+    }  # fmt: skip
+    made = impactfem.Scene.from_dict(
+        {
+            "title": "slides past", "duration": 0.05, "gravity": [0.0, -9.81],
+            "body": [block, box],
+            "contact": [{"between": ["s", "b"], "friction_coefficient": 0.3}],
+            "solve": {"method": method, "dt": 5e-5, "estimate": False}, "output": {"fields": []},
+        }
+    )  # fmt: skip
+    history = impactfem.solve(made).history
+    weight = 1.6 * 9.81
+    assert history["contact_force"].values.max() < 2.0 * weight
+    kept = history["total_energy"].values - history["friction_work"].values
+    assert (kept - kept[0]).max() < 1e-9
+    braked = 0.3 - 0.3 * 9.81 * 0.05
+    assert side * history["b.vx"].values[-1] == pytest.approx(braked, abs=0.01)
