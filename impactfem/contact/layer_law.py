@@ -272,7 +272,9 @@ def _at_speed(layer: Layer, law: Halfway, rule: Rule, how: Solving) -> LayerCont
     no speed.
     """
     old, place_a = layer.before
-    acting, fast = law.acting(layer.free[layer.masters, 0]), law.components()
+    # Gaps that are shut but for rounding are shut: what rests on something is held by it.
+    shut = layer.free[layer.masters, 0] - how.tolerance
+    acting, fast = law.acting(shut), law.components()
     known = np.where(fast, 0.0, old), np.where(fast, 0.0, place_a)
     held = None if layer.held is None else np.where(fast[:, 1:], 0.0, layer.held)
     free = np.where(fast, law.way, layer.free)

@@ -16,6 +16,7 @@ from impactfem.contact.closest import closest_shares, distances
 from impactfem.errors import ConvergenceError
 from impactfem.findings import STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.few_forces import steady_load, tangent
+from impactfem.marching.few_start import FewAtRest
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.iterated import SHARE, by_energy
 from impactfem.marching.layers import Sums
@@ -316,6 +317,25 @@ class FewMidpoint(FewInterior):
     def settle(self) -> None:
         """Solve for the rates at the end of the step, with what has pushed so far."""
         self._ahead = self._settle(self._ahead)
+
+    def displaced(self, q: Floats) -> Floats:
+        """Displacements of the contact nodes with some coordinates [m], (count, dim)."""
+        return self.bodies.places(q) - self._start
+
+    @property
+    def linear(self) -> bool:
+        """Whether its forces are."""
+        return self._linear
+
+    def at_rest(self) -> FewAtRest:
+        """It as the search for equilibrium asks it."""
+        return FewAtRest(self)
+
+    def put(self, q: Floats) -> None:
+        """Begin at some coordinates."""
+        self._q = q
+        self._jacobian = self.bodies.jacobian(q)
+        self._prepare(0.0)
 
     def held(self, stations: Stations) -> Held:
         """It as joints hold it."""

@@ -30,7 +30,8 @@ class PlateAtRest:
             SceneError: Supports do not hold it.
         """
         bodies = march.bodies
-        self.name, self.start = bodies.names[0], march.coordinates.copy()
+        self.name, self.start, self.patience = bodies.names[0], march.coordinates.copy(), 0
+        self.size = float(np.ptp(bodies.mesh.points, axis=0).max())
         self._march, self._stiffness = march, bodies.stiffness
         self._membrane, self._vertices = bodies.membrane, bodies.basis[::DOFS].T.tocsr()
         free = _free_motions(bodies)
@@ -46,7 +47,11 @@ class PlateAtRest:
         """Displacements of the contact nodes [m], (count, 3)."""
         return self._march.displaced(place)
 
-    def pulled(self, forces: Floats) -> Floats:
+    def moved(self, place: Floats, change: Floats) -> Floats:
+        """How they move by a change of q, (count, 3)."""
+        return self.contact(place + change) - self.contact(place)
+
+    def pulled(self, forces: Floats, place: Floats) -> Floats:  # noqa: ARG002  (as of others)
         """Forces on q by those on the contact nodes (count, 3)."""
         return self._march.pulled(forces)
 
@@ -92,6 +97,10 @@ class PlateAtRest:
 
     def destroy(self) -> None:
         """Nothing to free."""
+
+    def settle(self, place: Floats) -> Floats:
+        """Begin at a place; mass times the way there [kg m], (3,)."""
+        return self._march.settle(place)
 
 
 def _free_motions(bodies: PlateSystem) -> list[str]:

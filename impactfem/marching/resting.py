@@ -35,11 +35,13 @@ class Resting(Protocol):
     Attributes:
         name: Of the body.
         start: Displacement from which equilibrium is sought [m], of the owned dofs.
+        patience: Passes that it may take along a free motion before that counts as driven.
         modes: Its free rigid motions.
     """
 
     name: str
     start: Floats
+    patience: int
 
     @property
     def modes(self) -> FreeModes:
@@ -48,8 +50,11 @@ class Resting(Protocol):
     def contact(self, place: Floats) -> Floats:
         """Displacements of the contact nodes [m], (count, dim) (collective)."""
 
-    def pulled(self, forces: Floats) -> Floats:
-        """Forces on the owned dofs by those on the contact nodes (count, dim)."""
+    def moved(self, place: Floats, change: Floats) -> Floats:
+        """How they move by a small change of the owned dofs from a place [m] (collective)."""
+
+    def pulled(self, forces: Floats, place: Floats) -> Floats:
+        """Forces on the owned dofs by those on the contact nodes (count, dim) at a place."""
 
     def residual(self, place: Floats) -> Floats:
         """Loads less internal forces [N], without contact; not finite where there is no body."""

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
+from scipy.spatial.transform import Rotation
 
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.pair_responses import Roots
@@ -26,6 +27,7 @@ from impactfem.marching.rigid_kernels import (
     turned,
     turned_further,
 )
+from impactfem.marching.rigid_start import RigidAtRest
 from impactfem.marching.rigid_sums import about_axes, applied, no_sums, on_bodies, sums_of
 from impactfem.marching.turn_kernels import LARGEST
 from impactfem.scene import PiecewiseVector
@@ -277,6 +279,50 @@ class RigidBodies(Meshless):
         self._half[chosen], self.end[chosen] = halves, ends
         self._middle[chosen], self.freedom[chosen] = middles, freedoms
         return settled
+
+    @property
+    def masses(self) -> Floats:
+        """Of the bodies [kg], (bodies,)."""
+        return self._mass[:, 0]
+
+    @property
+    def shapes(self) -> tuple[Rigid, ...]:
+        """The bodies."""
+        return self._bodies
+
+    def at_rest(self) -> RigidAtRest:
+        """It as the search for equilibrium asks it."""
+        return RigidAtRest(self)
+
+    def elsewhere(self, ways: Floats, turns: Floats) -> tuple[Floats, Floats]:
+        """Displacements of contact nodes, and their arms in space but for rims [m], (nodes, 3).
+
+        Args:
+            ways: Of the centres from where they are [m], (bodies, 3).
+            turns: Rotation vectors in space from how they are turned [rad], (bodies, 3).
+        """
+        rotations = Rotation.from_rotvec(turns).as_matrix() @ self._turn
+        bare = turned(rotations, self.apart, self._arms)
+        return self._places(self._centre + ways, rotations, bare), bare + self._around(rotations)
+
+    def loads_at_rest(self, ways: Floats, turns: Floats) -> Floats:
+        """Forces and moments at t = 0 without contact, moved and turned so, (bodies, 6)."""
+        rotations = Rotation.from_rotvec(turns).as_matrix() @ self._turn
+        found, none = np.zeros((len(ways), 6)), np.zeros(3)
+        found[:, :3] = self._mass * in_space(self.gravity(0.0, 0.0))
+        for k, loads in self._driven:
+            place = self._centre[k] + ways[k]
+            found[k] += np.concatenate(loads(0.0, self.dt, place, none, rotations[k] @ none))
+        return found
+
+    def put(self, ways: Floats, turns: Floats) -> None:
+        """Begin elsewhere; see `elsewhere`."""
+        own = np.einsum("bji,bj->bi", self._turn, turns)
+        size = np.linalg.norm(own, axis=1, keepdims=True)
+        halves = np.tan(0.5 * size) / np.maximum(size, np.finfo(float).tiny) * own
+        self._centre = self._centre + ways
+        self._angles = turned_further(self._angles, halves, own)
+        self._begin()
 
     def leave(self, speeds: Floats, spins: Floats) -> None:
         """Let the next layer start with other rates than this one ends with."""

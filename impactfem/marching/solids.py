@@ -13,6 +13,7 @@ from impactfem.contact.springs import unresolved
 from impactfem.findings import Finding
 from impactfem.marching.determinacy import Determinacy
 from impactfem.marching.layers import Answers, Interior, Rolling
+from impactfem.marching.staggered import FIRST
 from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
 
 
@@ -29,10 +30,8 @@ class SolidMarch(TimeLoop[Interior]):
         self._determinacy = Determinacy()
         self._rolled = np.zeros(1)  # what surfaces move in a layer besides the contact nodes
         self._responses = self._answers()
-        # How far a speed at the end of a layer leads to its level, as answers to forces have it.
-        staggered = settings.scheme.staggered
-        self._reach = (1.0 if staggered else 0.5) * interior.dt
-        self._lag = 0.5 * interior.dt if staggered else 0.0  # of velocities behind levels [s]
+        # Of velocities behind levels [s].
+        self._lag = 0.5 * interior.dt if settings.scheme.staggered else 0.0
         super().__init__(interior, settings)
 
     def _answers(self) -> Answers:
@@ -141,6 +140,12 @@ class SolidMarch(TimeLoop[Interior]):
         ends = loose & ~only_on(~self._radiating) if self._radiating.any() else none
         self._fast = loose & ~ends  # what `_struck` asks of the same layer
         return self._fast, ends
+
+    @property
+    def _reach(self) -> float:
+        """How far a speed at the end of a layer leads to its level, as answers have it [s]."""
+        first = FIRST if self.layer == 0 else 1.0
+        return (first if self._scheme.staggered else 0.5) * self.interior.dt
 
     def _rebound(self, normals: Floats, before: Floats, after: Floats) -> Floats:
         """`Halfway.way` of all gaps, (pairs,), by relative velocities without contact forces.

@@ -22,6 +22,9 @@ from impactfem.contact.pair_responses import Roots
 from impactfem.marching.composite import Composite
 from impactfem.marching.layers import Interior, Sums
 
+FIRST = 0.75
+"""Way to the first level over that at the velocity in the first, half step, from none."""
+
 
 class Staggered:
     """Such bodies as an interior of an explicit march; see `impactfem.marching.layers.Interior`.
@@ -40,6 +43,7 @@ class Staggered:
         """Begin at t = 0."""
         self.bodies, self.dt, self.share = bodies, bodies.dt, 1.0
         self._reach = 2.0  # how far answers at levels go, over those at the ends of steps
+        self._first = 1.0  # share of the velocity at the end of the step in the way to the level
         self.rolled = np.zeros_like(bodies.surface_displacement)
 
     def __getattr__(self, name: str) -> Any:
@@ -56,7 +60,8 @@ class Staggered:
         if not first:
             self._drift(-half)
         self.bodies.begin(0.0 if first else start - half, end - half)
-        self.share, self._reach = (0.5, 8.0) if first else (1.0, 2.0)
+        self.share, self._reach = (0.5, 6.0) if first else (1.0, 2.0)
+        self._first = FIRST if first else 1.0
 
     def _drift(self, span: float) -> None:
         for part in cast("tuple[Any, ...]", self.bodies.parts):
@@ -72,10 +77,17 @@ class Staggered:
     def touched(self, normals: Floats) -> Floats:
         """Learn where nodes touch; ways that their surface goes in the layer besides [m]."""
         self.bodies.touched(normals)
-        speeds = self.bodies.contact_speeds(normals)[1]
+        before, after = self.bodies.contact_speeds(normals)
         parts = cast("tuple[Any, ...]", self.bodies.parts)
-        nodes = np.concatenate([part.velocity_ahead for part in parts])
-        return np.asarray(self.dt * (speeds - nodes))
+        begin, end = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("surface_velocity", "velocity_ahead")
+        )
+        return self._way(before - begin, after - end)
+
+    def _way(self, before: Floats, after: Floats) -> Floats:
+        """From level to level by velocities at both ends of the step."""
+        return np.asarray(self.dt * ((1.0 - self._first) * before + self._first * after))
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers at the level to several forces (several, count, dim)."""
@@ -97,6 +109,13 @@ class Staggered:
         moved, turned = self.bodies.twisted(moments)
         return self._reach * moved, self._reach * turned
 
+    def _beside(self) -> Floats:
+        """Velocities of what touches besides those of the contact nodes [m/s], (count, dim)."""
+        if not self.bodies.rolling:
+            return 0.0 * self.rolled
+        parts = cast("tuple[Any, ...]", self.bodies.parts)
+        return np.concatenate([part.touching_velocity - part.surface_velocity for part in parts])
+
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides."""
         return self.bodies.memory() | {"rolled": self.rolled.copy()}
@@ -108,11 +127,9 @@ class Staggered:
 
     def finish(self, static: Floats) -> list[Sums]:
         """End the step and go on to the level; sums amid the layer, but moments of the level."""
-        half, found = 0.5 * self.dt, self.bodies.finish(static)
-        if self.bodies.rolling:
-            parts = cast("tuple[Any, ...]", self.bodies.parts)
-            besides = [part.touching_velocity - part.surface_velocity for part in parts]
-            self.rolled = self.dt * np.concatenate(besides)
+        half, begun = 0.5 * self.dt, self._beside()
+        found = self.bodies.finish(static)
+        self.rolled = self._way(begun, self._beside())
         self._drift(half)
         for sums in found:
             sums.first_moment = sums.first_moment + half * sums.momentum

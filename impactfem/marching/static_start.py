@@ -85,7 +85,8 @@ class StaticStart:
         self._tangents: list[Callable[[Floats], Floats]] = []
         self._answers: Answers | None = None
         self._force = self._gross = 0.0  # the first that act, by squares and as a sum [N]
-        self._systems = 0
+        self._systems = self._gone = 0
+        self._patience = _PATIENCE + max((body.patience for body in bodies), default=0)
         self._careful = False  # whether passes that overshoot are taken in part
         self._share = 1.0  # of the forces at the start that act
         self._missing: list[Floats] = []  # these on each body [N]
@@ -220,7 +221,7 @@ class StaticStart:
                 new = multiplier + part * (new - multiplier)
             multiplier = new
             idle = 0 if rest < (_DRIFTING if part == 1.0 else _BETTER) * best else idle + 1
-            if idle == _PATIENCE:
+            if idle == self._patience:
                 self._hold_restless(before)
                 best, idle = np.inf, 0
             last, best = rest, min(best, rest)
@@ -246,8 +247,8 @@ class StaticStart:
 
     def _pulled(self, forces: Floats) -> list[Floats]:
         """Forces on the owned dofs of each body by those on the contact nodes."""
-        each = zip(self._bodies, self._owns, strict=True)
-        return [body.pulled(forces[own]) for body, own in each]
+        each = zip(self._bodies, self._owns, self._places, strict=True)
+        return [body.pulled(forces[own], place) for body, own, place in each]
 
     def _size(self, forces: Sequence[Floats]) -> float:
         """Root of the sum of squares of forces on all bodies."""
@@ -277,9 +278,10 @@ class StaticStart:
         """What several forces on the contact nodes do to these; see `contact.responses`."""
         found = np.zeros_like(forces)
         for several, answer in zip(forces, found, strict=True):
-            for body, own, solve in zip(self._bodies, self._owns, self._tangents, strict=True):
+            each = zip(self._bodies, self._owns, self._tangents, self._places, strict=True)
+            for body, own, solve, place in each:
                 if several[own].any():
-                    answer[own] = body.contact(solve(body.pulled(several[own])))
+                    answer[own] = body.moved(place, solve(body.pulled(several[own], place)))
         return found, np.zeros_like(forces)
 
     def _step(self, left: list[Floats], gap: Floats, normals: Floats, multiplier: Floats) -> Floats:
@@ -311,7 +313,9 @@ class StaticStart:
 
     def _along(self, changes: Sequence[Floats], normals: Floats) -> Floats:
         """How displacements of the bodies change the gaps [m], (gaps,)."""
-        moved = self._gaps.relative(self._surface(changes))
+        each = zip(self._bodies, self._places, changes, strict=True)
+        ways = [body.moved(place, change) for body, place, change in each]
+        moved = self._gaps.relative(np.concatenate(ways))
         return np.asarray(np.einsum("ij,ij->i", moved, normals))
 
     def _moved(self, index: int, change: Floats) -> Floats:
@@ -350,18 +354,25 @@ class StaticStart:
         if sizes[worst] <= _DRIFTING * self._size(left):
             return False
         share = bodies[worst].modes.push(along[worst]) / self._gross
+        patience = bodies[worst].patience
         if share <= _NEUTRAL:
-            self._hold(worst, along[worst])
-            return True
+            if not patience:
+                self._hold(worst, along[worst])
+            return not patience
         each = zip(bodies, self._places, before, strict=True)
         ways = [body.modes.of_displacement(after - place) for body, after, place in each]
         rates = self._along(ways, normals)
         farthest = self._comm.allreduce(
             max(float(np.abs(way).max(initial=0.0)) for way in ways), op=MPI.MAX
         )
+        if farthest <= self._tolerance:  # what was found in that pass holds it
+            return False
         closing = rates < -1e-6 * farthest
-        if not closing.any():
+        self._gone = 0 if closing.any() else self._gone + 1
+        if self._gone > patience:
             raise self._unheld(worst, along[worst])
+        if self._gone:
+            return False
         steps = max(1.0, float((gap[closing] / -rates[closing]).min()))
         for k, way in enumerate(ways):
             self._places[k] = before[k] + steps * way

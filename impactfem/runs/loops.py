@@ -174,15 +174,12 @@ class _Making:
         rest = None if started is None else (started.rest.multiplier, started.static)
         return replace(self.settings, rest=rest)
 
-    def _brought_to_rest(
-        self, bodies: Sequence[FiniteBody], interior: Stepper, *, plates: bool = False
-    ) -> Started | None:
+    def _brought_to_rest(self, bodies: Sequence[FiniteBody], interior: Stepper) -> Started | None:
         """Start bodies among which some have finite strain at rest, if their scene asks for it.
 
         Args:
             bodies: The solids.
             interior: What marches all bodies.
-            plates: Whether the others are plates.
 
         Returns:
             How they came to rest; None if it was not asked for.
@@ -201,7 +198,7 @@ class _Making:
         def arms(there: Floats, places: Sequence[Floats]) -> Floats:
             """As the march has them: solids of small strains turn none, they move with the centre.
 
-            Plates, which come last, are where they are.
+            Others, which come last, are where they are.
             """
             found = there.copy()
             for part, place, own in zip(model.parts, places, pairwise(ends), strict=False):
@@ -209,14 +206,14 @@ class _Making:
                     found[slice(*own)] = part.system.mean(place)
             return found
 
-        started = self._start(resting, interior, np.zeros_like, arms, plates=plates)
+        started = self._start(resting, interior, np.zeros_like, arms)
         for body, spin in zip(bodies, spins, strict=True):
             body.turn(spin)
         return started
 
     def _start(
         self, resting: Sequence[Resting], interior: Stepper, static: Callable[[Floats], Floats],
-        arms: Arms | None, *, plates: bool,
+        arms: Arms | None,
     ) -> Started:  # fmt: skip
         """Bring bodies to rest; see `start_at_rest`."""
         self.progress.step("bringing the bodies to rest")
@@ -224,7 +221,7 @@ class _Making:
         pressing = Pressing(settings.active_set, settings.tolerance, settings.springs)
         return start_at_rest(
             self.model, resting, self.surfaces, interior, static, settings.gaps, pressing, arms,
-            cast("Sequence[PlateMidpoint]", self.few) if plates else (),
+            list(dict.fromkeys(part.stepper for part in self.few)),
         )  # fmt: skip
 
     def levels(self, limit: float) -> tuple[Started | None, Any, TimeLoop[Any]]:
@@ -256,7 +253,7 @@ class _Making:
         if joints is not None:
             held = [self.few[at - first].held(own) for at, own in joints.parts]
             interior = JointedNewton([*bodies, *beside], joints, held)
-        started = self._brought_to_rest(bodies, interior, plates=True)
+        started = self._brought_to_rest(bodies, interior)
         return started, interior, NewtonMarch(interior, self._beginning(started))
 
     def linear(self) -> tuple[Started | None, Any, TimeLoop[Any]]:
@@ -281,7 +278,7 @@ class _Making:
         started = None
         if model.scene.starts_at_rest:
             linear = linear_bodies(model, self.each, kind)
-            started = self._start(linear, whole, whole.static, None, plates=True)
+            started = self._start(linear, whole, whole.static, None)
         march = SolidMarch if settings.friction is None else RubbingMarch
         interior = solids[0] if self.alone else whole
         return started, joined, march(interior, self._beginning(started))

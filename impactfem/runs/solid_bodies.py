@@ -56,6 +56,8 @@ def body_motions(
             if part is None:
                 bodies_of, body = few[k - len(model.parts)]
                 start = np.full(turns, bodies_of.angles[body])
+                if seen.loop.started is not None:
+                    start = start + seen.loop.started.turned.get(name, 0.0)
             else:
                 start = _turned_at_start(part, placed[k])
             turn = _rotation(np.vstack([start, march.interior.dt * each_layer]))

@@ -1,7 +1,7 @@
 """Bring bodies into equilibrium before they are marched."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.findings import Finding, by_limits, percent
+from impactfem.marching.few_start import FewAtRest
 from impactfem.marching.layers import ContactGaps, Stepper
-from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.pressing import Pressing
 from impactfem.marching.resting import Rest, Resting
 from impactfem.marching.static_start import Arms, StaticStart
@@ -34,13 +34,15 @@ class Started:
         rest: Where they are.
         static: Displacements of the massless contact nodes by the contact forces [m], (nodes, dim).
         sizes: Of the bodies [m].
-        others: Mass times the way of plates [kg m], (3,) each.
+        others: Mass times the way of bodies without meshes [kg m], (dim,) each.
+        turned: How far those of them without coordinates that tell it have turned [rad].
     """
 
     rest: Rest
     static: Floats
     sizes: dict[str, float]
     others: tuple[Floats, ...] = ()
+    turned: Mapping[str, Floats] = field(default_factory=dict)
 
     def details(self, model: SolidsModel, whole: Whole) -> dict[str, Any]:
         """For ``summary.json``, of what the bodies are parts of (collective)."""
@@ -121,7 +123,7 @@ def start_at_rest(
     gaps: ContactGaps,
     pressing: Pressing,
     arms: Arms | None = None,
-    plates: Sequence[PlateMidpoint] = (),
+    others: Sequence[Any] = (),
 ) -> Started:
     """Move interiors to equilibrium (collective).
 
@@ -134,16 +136,17 @@ def start_at_rest(
         gaps: Of all of them.
         pressing: What finds forces in them.
         arms: By which the march turns directions of gaps; see `StaticStart`.
-        plates: What marches plates, whose contact nodes are the last.
+        others: What steps bodies without meshes, whose contact nodes are the last.
 
     Raises:
         SceneError: Loads drive a body that nothing holds.
         ConvergenceError: No equilibrium was found.
     """
     counts = [surface.count for surface in surfaces]
-    counts += [len(plate.surface_displacement) for plate in plates]
+    counts += [len(other.surface_displacement) for other in others]
     owns = [slice(*ends) for ends in pairwise([0, *np.cumsum(counts).tolist()])]
-    bodies = [*bodies, *(plate.at_rest() for plate in plates)]
+    besides = [other.at_rest() for other in others]
+    bodies = [*bodies, *besides]
     try:
         rest = StaticStart(model.comm, bodies, owns, gaps, pressing, arms).find()
     finally:
@@ -159,8 +162,12 @@ def start_at_rest(
     if surfaces:
         state["displacement"] = np.concatenate(places[: len(surfaces)])
     interior.restore(state, free)
-    others = [
-        plate.settle(place) for plate, place in zip(plates, places[len(surfaces) :], strict=True)
-    ]
+    each = zip(besides, places[len(surfaces) :], strict=True)
+    fallen = tuple(other.settle(place) for other, place in each)
     sizes = {part.solid.name: part.system.nodes.size for part in model.parts}
-    return Started(rest, pressed, sizes, tuple(others))
+    sizes |= {other.name: other.size for other in besides}
+    each = zip(besides, places[len(surfaces) :], strict=True)
+    spun = {
+        other.name: other.turned(place) for other, place in each if isinstance(other, FewAtRest)
+    }
+    return Started(rest, pressed, sizes, fallen, spun)

@@ -58,6 +58,7 @@ class Rod(Slender):
 
     kind: ClassVar[str] = "rod"
     dim: ClassVar[int] = 2
+    settles: ClassVar[bool] = True
     may_meet_nothing: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
     dents: ClassVar[bool] = True
@@ -113,6 +114,7 @@ class Beam(Slender):
     may_meet_nothing: ClassVar[bool] = True
     in_elements: ClassVar[bool] = True
     round_ends: ClassVar[bool] = False
+    settles: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
     joined_in_steps: ClassVar[bool] = True
 

@@ -297,8 +297,8 @@ def why_marched(scene: Content) -> str | None:
     kinds = sorted(scene.kinds)
     if len(kinds) > 1:
         return f"bodies of different kinds ({', '.join(kinds)})"
-    if scene.joints:
-        return "joints"
+    if scene.joints or scene.starts_at_rest:
+        return "joints" if scene.joints else "a start at rest"
     given_way = scene.gives_way and not scene.bars
     if not all(body.marches_alone for body in scene.bodies) and not given_way:
         return None

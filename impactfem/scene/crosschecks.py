@@ -136,10 +136,9 @@ def _check_start(scene: Content) -> None:
     unsettled = [body for body in scene.bodies if not body.settles]
     if unsettled:
         body = unsettled[0]
-        able = " and ".join(f"{kind}s" for kind, cls in BODIES.items() if cls.settles)
-        text = (
-            f" = {show(scene.start)} brings {able} to rest, {body.name} is a {body.kind}: remove "
-        )
+        able = " and ".join(kind for kind, cls in BODIES.items() if cls.settles)
+        text = f" = {show(scene.start)} brings bodies of kind {able} to rest, {body.name} is a "
+        text += f"{body.kind}: remove "
         raise KeyedError("", "start", f"{text}it, or model that body as one of these.")
 
 

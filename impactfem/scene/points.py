@@ -64,6 +64,7 @@ class Point(BodyKind):
     is_ball: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
     dents: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
     joined_in_steps: ClassVar[bool] = True
     turns_in_joints: ClassVar[bool] = False

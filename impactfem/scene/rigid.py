@@ -41,6 +41,7 @@ class RigidBody(BodyKind):
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     has_coordinates: ClassVar[bool] = True
     may_meet_nothing: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
     joined_in_steps: ClassVar[bool] = True
 

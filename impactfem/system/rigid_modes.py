@@ -21,7 +21,7 @@ class RigidModes:
     Attributes:
         comm: MPI communicator.
         fields: Of the owned dofs, shape (modes, dofs).
-        weights: Mass of each dof [kg], (dofs,).
+        weights: Mass of each dof [kg], (dofs,), or of all of them, (dofs, dofs).
         loads: Forces [N] along the axes and moments [N m] about the centre of mass that work on
             each mode as much as on all of them, (motions, modes).
         mass: Of the body [kg].
@@ -75,13 +75,17 @@ class RigidModes:
         """How many there are."""
         return len(self.fields)
 
+    def _times_mass(self, values: Floats) -> Floats:
+        diagonal = self.weights.ndim == 1
+        return np.asarray(self.weights * values if diagonal else self.weights @ values)
+
     def along(self, forces: Floats) -> Floats:
         """Parts of forces on the owned dofs that work on each mode, (modes,) (collective)."""
         return np.asarray(self.comm.allreduce(self.fields @ forces, op=MPI.SUM))
 
     def moved(self, displacement: Floats) -> Floats:
         """How far a displacement of the owned dofs is one along each mode (collective)."""
-        return self.along(self.weights * displacement)
+        return self.along(self._times_mass(displacement))
 
     def of_displacement(self, displacement: Floats) -> Floats:
         """Rigid part of a displacement of the owned dofs, (dofs,) (collective)."""
@@ -89,7 +93,7 @@ class RigidModes:
 
     def forces(self, along: Floats) -> Floats:
         """Forces on the owned dofs that accelerate the body along the modes, (dofs,)."""
-        return np.asarray((along @ self.fields) * self.weights)
+        return self._times_mass(along @ self.fields)
 
     def push(self, along: Floats) -> float:
         """Force that would accelerate all of the body as much [N]: `along` as of that method."""

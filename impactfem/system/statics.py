@@ -31,6 +31,7 @@ class BodyAtRest:
     Attributes:
         name: Of the body.
         start: Displacement from which equilibrium is sought [m], shape (owned dofs,).
+        patience: None: along a free motion it goes on until something stops it.
         modes: Its free rigid motions.
     """
 
@@ -39,6 +40,7 @@ class BodyAtRest:
     ) -> None:
         """Take a body; see `SolidAtRest` (collective)."""
         self.name, self.start, self.modes = name, system.displacement.copy(), RigidModes.of(system)
+        self.patience = 0
         self._system, self._surface, self._kind = system, surface, linear_solver
         self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
 
@@ -46,7 +48,11 @@ class BodyAtRest:
         """Displacements of the contact nodes, (count, dim) (collective)."""
         return self._surface.gather(place)
 
-    def pulled(self, forces: Floats) -> Floats:
+    def moved(self, place: Floats, change: Floats) -> Floats:  # noqa: ARG002  (as of others)
+        """How they move by a change of the owned dofs, (count, dim) (collective)."""
+        return self._surface.gather(change)
+
+    def pulled(self, forces: Floats, place: Floats) -> Floats:  # noqa: ARG002  (as of others)
         """Forces on the owned dofs by those on the contact nodes (count, dim)."""
         return self._surface.pulled(forces, self._system.constrained)
 
