@@ -59,6 +59,13 @@ class FewAtRest:
         """Displacements of the contact nodes [m], (count, dim)."""
         return self._march.displaced(self._q + place)
 
+    def touch(self, normals: Floats) -> None:
+        """Nothing: nodes touch themselves."""
+
+    def touching(self, place: Floats) -> Floats:
+        """Displacements of the contact nodes [m], (count, dim) (collective)."""
+        return self.contact(place)
+
     def moved(self, place: Floats, change: Floats) -> Floats:
         """How they move by a change of the coordinates from a place [m], (count, dim)."""
         jacobian = self._march.bodies.jacobian(self._q + place)

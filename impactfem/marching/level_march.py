@@ -21,6 +21,7 @@ from impactfem.findings import Finding
 from impactfem.marching.leapfrog_bodies import LevelStepper
 from impactfem.marching.level_forces import LevelForces
 from impactfem.marching.newton_steps import LayerSums
+from impactfem.marching.rubbing import turned
 from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
 
 USUAL = {2: 3, 3: 2}  # iterates of a level; in the plane they cost little
@@ -45,6 +46,8 @@ class LevelMarch(TimeLoop[LevelStepper]):
         self._stale = True
         directions = self._directed(self._normals)
         force = np.zeros(directions.shape[:2])
+        if settings.rest is not None:
+            force = turned(directions, settings.rest[2])
         force[:, 0] = self._force
         self._acting = LevelForces.of(gaps, directions, force)
         if settings.rest is not None:

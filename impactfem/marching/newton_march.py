@@ -61,6 +61,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         none = np.zeros(len(self.contact.gap), dtype=bool)
         self._soft = none if self._springs is None else self._springs.there
         self._tangential = np.zeros_like(self._normals)  # of the last step [N], (gaps, dim)
+        if settings.rest is not None:
+            self._tangential = settings.rest[2]
         self._law, self._stuck = self._friction, none  # in a step; what did not slip in the last
         self._least = np.zeros(len(none))  # forces that are given in a step [N], (gaps,)
         self._resisting: Resisting | None = None

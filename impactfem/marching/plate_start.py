@@ -47,6 +47,13 @@ class PlateAtRest:
         """Displacements of the contact nodes [m], (count, 3)."""
         return self._march.displaced(place)
 
+    def touch(self, normals: Floats) -> None:
+        """Nothing: nodes touch themselves."""
+
+    def touching(self, place: Floats) -> Floats:
+        """Displacements of the contact nodes [m], (count, dim) (collective)."""
+        return self.contact(place)
+
     def moved(self, place: Floats, change: Floats) -> Floats:
         """How they move by a change of q, (count, 3)."""
         return self.contact(place + change) - self.contact(place)

@@ -50,8 +50,14 @@ class Resting(Protocol):
     def contact(self, place: Floats) -> Floats:
         """Displacements of the contact nodes [m], (count, dim) (collective)."""
 
+    def touch(self, normals: Floats) -> None:
+        """Learn where it touches if it rolls, by the normals of its nodes (count, dim)."""
+
+    def touching(self, place: Floats) -> Floats:
+        """Displacements of what touches at them [m], (count, dim) (collective)."""
+
     def moved(self, place: Floats, change: Floats) -> Floats:
-        """How they move by a small change of the owned dofs from a place [m] (collective)."""
+        """How that moves by a small change of the owned dofs from a place [m] (collective)."""
 
     def pulled(self, forces: Floats, place: Floats) -> Floats:
         """Forces on the owned dofs by those on the contact nodes (count, dim) at a place."""
@@ -80,6 +86,7 @@ class Rest:
         places: Displacements of the owned dofs of each body [m].
         surface: Displacements of all contact nodes [m], (nodes, dim).
         multiplier: Forces in the gaps [N], (gaps,).
+        rubbing: Those of friction [N], (gaps, dim); 0 without any.
         forces: These on the contact nodes [N], (nodes, dim).
         residual: Forces that are left, as a share of those that act.
         iterations: Passes, and linear systems of the active sets in them.
@@ -91,6 +98,7 @@ class Rest:
     places: tuple[Floats, ...]
     surface: Floats
     multiplier: Floats
+    rubbing: Floats
     forces: Floats
     residual: float
     iterations: tuple[int, int]

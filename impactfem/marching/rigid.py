@@ -367,7 +367,7 @@ class RigidBodies(Meshless):
             normals: Of the gaps of nodes, towards them, (count, dim).
         """
         towards = in_space(normals)
-        self._roll_on(towards)
+        self._roll_on(normals)
         spins = self._whirl()
         beyond = self._around(self._middle) + self._offset
         moved = self._around(self.end) - self._begun
@@ -429,13 +429,16 @@ class RigidBodies(Meshless):
 
     def touch(self, normals: Floats) -> None:
         """Learn where bodies that roll touch, by the normals of their nodes (count, dim)."""
-        towards = in_space(normals)
-        self._normals = towards if self._rims else self._normals
-        self._roll_on(towards)
+        self._normals = in_space(normals) if self._rims else self._normals
+        self._roll_on(normals)
 
-    def _roll_on(self, towards: Floats) -> None:
-        """Forces act where bodies that roll touch, by the normals of their nodes (count, 3)."""
-        self._offset = self._following - self._roll * towards
+    def offsets(self, normals: Floats) -> Floats:
+        """From nodes to where they touch, by their normals (count, dim) [m], (count, 3)."""
+        return np.asarray(self._following - self._roll * in_space(normals))
+
+    def _roll_on(self, normals: Floats) -> None:
+        """Forces act where bodies that roll touch, by the normals of their nodes (count, dim)."""
+        self._offset = self.offsets(normals)
         self.acting = self._amid + self._around(self._middle) + self._offset
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)

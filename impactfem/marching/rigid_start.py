@@ -36,6 +36,7 @@ class RigidAtRest:
         size = count * len(self._kept)
         self._mass = whole[:, self._kept][..., self._kept].reshape(size, size)
         self.start, self.patience = np.zeros(size), PATIENCE
+        self._offset = march.offsets(np.zeros_like(march.surface_displacement))
         self.size = max(extent(each.places(each.position), each.radius) for each in bodies)
         fields = np.linalg.inv(np.linalg.cholesky(self._mass))
         unit = np.zeros((count, 6, 6))
@@ -65,15 +66,26 @@ class RigidAtRest:
         """Displacements of the contact nodes [m], (count, dim)."""
         return self._march.elsewhere(*self._at(place))[0]
 
+    def touch(self, normals: Floats) -> None:
+        """Learn where balls touch, by the normals of their nodes (count, dim)."""
+        self._offset = self._march.offsets(normals)
+
+    def touching(self, place: Floats) -> Floats:
+        """Displacements of what touches [m], (count, dim): balls roll as far as they turn."""
+        none = np.zeros((1, *self._at(place)[0].shape))
+        turns, march = self._at(place)[1][None], self._march
+        rolled = carried(none, turns, march.apart, self._offset, self.dim)[0]
+        return np.asarray(self.contact(place) + rolled)
+
     def moved(self, place: Floats, change: Floats) -> Floats:
-        """How they move by a change of the coordinates from a place [m], (count, dim)."""
-        arms = self._march.elsewhere(*self._at(place))[1]
+        """How that moves by a change of the coordinates from a place [m], (count, dim)."""
+        arms = self._march.elsewhere(*self._at(place))[1] + self._offset
         ways, turns = (each[None] for each in self._at(change))
         return np.asarray(carried(ways, turns, self._march.apart, arms, self.dim)[0])
 
     def pulled(self, forces: Floats, place: Floats) -> Floats:
         """Forces on the coordinates by those on the contact nodes (count, dim) at a place."""
-        arms = self._march.elsewhere(*self._at(place))[1]
+        arms = self._march.elsewhere(*self._at(place))[1] + self._offset
         count = len(self._gyration)
         return self._within(gathered(forces[None], self._march.apart, arms, count)[0])
 

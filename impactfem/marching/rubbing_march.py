@@ -37,11 +37,18 @@ class RubbingMarch(SolidMarch):
         friction = cast("Friction", settings.friction)
         place = interior.surface_displacement
         self._rubbing = Rubbing.at_rest(friction, place)
+        held = np.zeros_like(self._rubbing.tangential)
+        if settings.rest is not None:
+            held = self._rubbing.tangential = settings.rest[2]
         self._tangential = self._rubbing_force = np.zeros((len(friction.coefficients), 0))
         # Gaps that took part, their normal forces and tangential ones, and ways: see `told`.
         self._slid: tuple[Integers, Floats, Floats] | None = None
         super().__init__(interior, settings)
         self._rubbing = Rubbing.at_rest(friction, place + self.contact.static)
+        if settings.rest is not None:
+            state = self._rubbing
+            state.tangential = state.older_tangential = self._tangential = held
+            state.stuck = (self._start_force > 0.0).astype(float)
 
     def _answers(self) -> DirectedAnswers:
         """How the gaps answer to contact forces in any direction."""

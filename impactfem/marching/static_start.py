@@ -1,4 +1,4 @@
-"""Equilibrium before t = 0 of loads, supports and frictionless contact, from which a march starts.
+"""Equilibrium before t = 0 of loads, supports and contact, from which a march starts.
 
 Newton's method with the active set of contact in each pass: bodies answer with their tangents, gaps
 with their linearisation, and the forces in the gaps solve
@@ -19,7 +19,7 @@ which the rigid part is that of their mass.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -27,9 +27,10 @@ from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.fem import MPI
 from impactfem.findings import percent
-from impactfem.marching.layers import Answers, ContactGaps
+from impactfem.marching.layers import ContactGaps, DirectedGaps
 from impactfem.marching.pressing import Pressing
 from impactfem.marching.resting import Rest, Resting
+from impactfem.marching.rough_rest import Rough
 
 _SETTLED = 1e-12  # share of the forces that may be left unbalanced
 _ROUNDING = 1e-7  # the same where rounding lets no pass better it
@@ -64,6 +65,7 @@ class StaticStart:
         gaps: ContactGaps,
         pressing: Pressing,
         arms: Arms | None = None,
+        rough: Rough | None = None,
     ) -> None:
         """Begin where the bodies are.
 
@@ -74,6 +76,7 @@ class StaticStart:
             gaps: Distances from obstacles and other bodies.
             pressing: What finds forces in them.
             arms: By which the march turns the directions of gaps; None if it does not.
+            rough: Friction in the gaps; None without any.
         """
         self._arms = arms
         self._comm, self._bodies, self._owns = comm, bodies, owns
@@ -83,8 +86,9 @@ class StaticStart:
         self._held: list[list[Floats]] = [[] for _ in bodies]
         self._holding: dict[int, Floats] = {}
         self._tangents: list[Callable[[Floats], Floats]] = []
-        self._answers: Answers | None = None
+        self._answers: Any = None
         self._force = self._gross = 0.0  # the first that act, by squares and as a sum [N]
+        self._rough = rough
         self._systems = self._gone = 0
         self._patience = _PATIENCE + max((body.patience for body in bodies), default=0)
         self._careful = False  # whether passes that overshoot are taken in part
@@ -135,6 +139,8 @@ class StaticStart:
         self._places = [body.start.copy() for body in self._bodies]
         self._held, self._holding = [[] for _ in self._bodies], {}
         self._answers = None
+        if self._rough is not None:
+            self._rough.forget()
 
     def _grown(self, whole: ConvergenceError) -> tuple[Floats, Floats, float, int]:
         """As `_balanced`, with parts of passes, and of the forces that act at the start if need be.
@@ -219,6 +225,8 @@ class StaticStart:
                 pairs = zip(before, self._places, strict=True)
                 self._places = [old + part * (there - old) for old, there in pairs]
                 new = multiplier + part * (new - multiplier)
+                if self._rough is not None:
+                    self._rough.take(part)
             multiplier = new
             idle = 0 if rest < (_DRIFTING if part == 1.0 else _BETTER) * best else idle + 1
             if idle == self._patience:
@@ -238,6 +246,10 @@ class StaticStart:
         gap, normals = self._gaps.at(there, there, there, 0.0)
         if self._arms is not None:
             normals = self._gaps.normals_at(there, 0.0, self._arms(there, self._places))
+        if self._rough is not None:
+            towards = self._gaps.spread(normals)
+            for body, own in zip(self._bodies, self._owns, strict=True):
+                body.touch(towards[own])
         return gap, normals
 
     def _surface(self, values: Sequence[Floats]) -> Floats:
@@ -255,6 +267,11 @@ class StaticStart:
         own = sum(float(part @ part) for part in forces)
         return float(np.sqrt(self._comm.allreduce(own, op=MPI.SUM)))
 
+    def _vectors(self, multiplier: Floats, normals: Floats) -> Floats:
+        """Forces in the gaps [N], (gaps, dim)."""
+        found = multiplier[:, None] * normals
+        return found if self._rough is None else found + self._rough.forces
+
     def _unbalanced(self, multiplier: Floats, normals: Floats) -> list[Floats]:
         """Forces that are left on the bodies [N]."""
         each = zip(self._bodies, self._places, strict=True)
@@ -265,7 +282,7 @@ class StaticStart:
         if not self._force:
             gross = sum(float(np.abs(part).sum()) for part in acting)
             self._force, self._gross = self._size(acting), self._comm.allreduce(gross, op=MPI.SUM)
-        pushed = self._pulled(self._gaps.spread(multiplier[:, None] * normals))
+        pushed = self._pulled(self._gaps.spread(self._vectors(multiplier, normals)))
         left = [one + other for one, other in zip(acting, pushed, strict=True)]
         for k, (body, ways) in enumerate(zip(self._bodies, self._held, strict=True)):
             if ways:
@@ -297,14 +314,24 @@ class StaticStart:
         tangents = [body.tangent(place) for body, place in each]
         if self._answers is None or tangents != self._tangents:
             self._tangents = tangents
-            self._answers = self._gaps.responses(self._columns, None)
+            columns, gaps = self._columns, self._gaps
+            if self._rough is None:
+                self._answers = gaps.responses(columns, None)
+            else:
+                self._answers = cast("DirectedGaps", gaps).directed(columns, None)
             self._look()  # answers that follow the gaps are told of them
-        answers = self._answers
+        answers, pressed = self._answers, self._vectors(multiplier, normals)
         changes = [solve(force) for solve, force in zip(tangents, left, strict=True)]
-        free = gap + self._along(changes, normals)
-        found, count = self._pressing.find(answers, free, normals, multiplier)
+        ways = self._moving(changes)
+        free = gap + np.einsum("ij,ij->i", ways, normals)
+        if self._rough is None:
+            found, count = self._pressing.find(answers, free, normals, multiplier)
+        else:
+            each = zip(self._bodies, self._places, strict=True)
+            here = self._gaps.relative(np.concatenate([b.touching(place) for b, place in each]))
+            found, count = self._rough.find(answers, free, (here, ways), normals, multiplier)
         self._systems += count
-        change = self._gaps.spread((found - multiplier)[:, None] * normals)
+        change = self._gaps.spread(self._vectors(found, normals) - pressed)
         for k, (solve, force) in enumerate(zip(tangents, self._pulled(change), strict=True)):
             if self._comm.allreduce(bool(force.any()), op=MPI.LOR):
                 changes[k] = changes[k] + solve(force)
@@ -313,10 +340,13 @@ class StaticStart:
 
     def _along(self, changes: Sequence[Floats], normals: Floats) -> Floats:
         """How displacements of the bodies change the gaps [m], (gaps,)."""
+        return np.asarray(np.einsum("ij,ij->i", self._moving(changes), normals))
+
+    def _moving(self, changes: Sequence[Floats]) -> Floats:
+        """What they make for the gaps [m], (gaps, dim)."""
         each = zip(self._bodies, self._places, changes, strict=True)
         ways = [body.moved(place, change) for body, place, change in each]
-        moved = self._gaps.relative(np.concatenate(ways))
-        return np.asarray(np.einsum("ij,ij->i", moved, normals))
+        return self._gaps.relative(np.concatenate(ways))
 
     def _moved(self, index: int, change: Floats) -> Floats:
         """Place of a body after a step, halved until there is a body (collective)."""
@@ -393,6 +423,8 @@ class StaticStart:
         free = _beside(along, self._held[body])
         self._held[body].append(free / np.linalg.norm(free))
         self._places = [place.copy() for place in self._begun]
+        if self._rough is not None:
+            self._rough.forget()
 
     def _hold_restless(self, before: list[Floats]) -> None:
         """Hold the free motion that a pass has gone on along the most, where no pass is better.
@@ -408,7 +440,7 @@ class StaticStart:
             self._hold(int(np.argmax(sizes)), along[int(np.argmax(sizes))])
 
     def _whole(self, multiplier: Floats, normals: Floats, rest: float, done: int) -> Rest:
-        forces = self._gaps.spread(multiplier[:, None] * normals)
+        forces = self._gaps.spread(self._vectors(multiplier, normals))
         shifted, neutral = {}, {}
         for body, place in zip(self._bodies, self._places, strict=True):
             change = place - body.start
@@ -424,9 +456,9 @@ class StaticStart:
             neutral[self._bodies[k].name] = share, modes.words(along)
         surface = self._surface(self._places)
         counts = done, self._systems
-        return Rest(
-            tuple(self._places), surface, multiplier, forces, rest, counts, shifted, neutral
-        )
+        rubbing = self._vectors(0.0 * multiplier, normals)
+        places = tuple(self._places)
+        return Rest(places, surface, multiplier, rubbing, forces, rest, counts, shifted, neutral)
 
 
 def _beside(along: Floats, ways: Sequence[Floats]) -> Floats:

@@ -17,7 +17,7 @@ from impactfem.findings import Finding
 from impactfem.marching.layers import ContactGaps, Stepper
 from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.rows import Level, Rows
-from impactfem.marching.rubbing import Friction
+from impactfem.marching.rubbing import Friction, frames, told, turned
 from impactfem.marching.schemes import SolidScheme
 
 _CHECKED = 32  # layers between checks that all numbers are finite
@@ -54,8 +54,9 @@ class LoopSettings:
         active_set: Solver of complementarity problems.
         layers: Number of layers.
         tolerance: Rounding level of gaps [m].
-        rest: Where bodies start at rest: forces in the gaps [N], (pairs,), and what these do to
-            massless nodes [m], (nodes, dim). None: they are found.
+        rest: Where bodies start at rest: forces in the gaps [N], (pairs,), what these do to
+            massless nodes [m], (nodes, dim), and those of friction [N], (pairs, dim). None: they
+            are found.
         friction: Coulomb's law; None without.
         restitution: Newton's e of each gap between nodes with mass, (pairs,); None: 0.
         poisson: Poisson's e likewise.
@@ -69,7 +70,7 @@ class LoopSettings:
     active_set: Solver
     layers: int
     tolerance: float
-    rest: tuple[Floats, Floats] | None = None
+    rest: tuple[Floats, Floats, Floats] | None = None
     friction: Friction | None = None
     restitution: Floats | None = None
     poisson: Floats | None = None
@@ -122,7 +123,7 @@ class TimeLoop[I: Stepper](ABC):
         gap, normals = gaps.at(free, free, last, 0.0)
         count = len(gap)
         self._normals = normals
-        multiplier, static = rest or self._initial_contact(gap, normals)
+        multiplier, static = rest[:2] if rest else self._initial_contact(gap, normals)
         acting = np.zeros(count) if rest is None else multiplier
         if scheme.shares_forces:  # half of the force at t = 0 lies before it, and is missing
             multiplier = np.zeros(count)
@@ -138,6 +139,12 @@ class TimeLoop[I: Stepper](ABC):
         self._impulsive = np.zeros(count, dtype=bool)
         self._start_force = acting
         self._close_row(0, acting, 0)
+        if rest is not None and self._rubs:
+            directions = frames(normals)
+            rubbing = turned(directions, rest[2])
+            rubbing[:, 0] = acting
+            acting, none = told(directions, rubbing, np.zeros_like(rubbing[:, 1:]))
+            self._close_rubbing(0, np.arange(count), acting, none)
 
     @abstractmethod
     def _advance(self) -> Floats:

@@ -14,7 +14,13 @@ from impactfem.planning.doubts import may_reach
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.plans import Plan
 from impactfem.planning.solid_costs import count_layers
-from impactfem.planning.solid_plan import MarchNumbers, few_in_words, joined_in_words, law_in_words
+from impactfem.planning.solid_plan import (
+    STARTS,
+    MarchNumbers,
+    few_in_words,
+    joined_in_words,
+    law_in_words,
+)
 from impactfem.planning.struck_plates import falling, struck_findings
 from impactfem.planning.time_data import Datum, data_findings, parts_following, time_data
 from impactfem.result.whole import Whole
@@ -73,6 +79,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
     solve = scene.solve
     model = solids_model(scene, (), updated=True)
     method, reasons = _method(scene, model)
+    reasons |= STARTS.get(scene.start, {})
     data = time_data(scene, (), model.few)
     dt, layers = _steps(scene, model.few, data, reasons)
     if layers > _MOST:

@@ -26,6 +26,15 @@ _CELLS = {
 }  # fmt: skip
 
 
+STARTS = {
+    "static": {
+        "start": "at rest: equilibrium of loads, gravity, supports and contact at "
+        "t = 0 is found before the first time step"
+    }
+}
+"""What is told of starts."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class MarchNumbers(Numbers):
     """Numbers of the march, of one body or several.

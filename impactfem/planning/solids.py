@@ -33,7 +33,7 @@ from impactfem.planning.solid_costs import (
     seconds,
 )
 from impactfem.planning.solid_elements import choose_degrees, ringing_findings, thin_walls
-from impactfem.planning.solid_plan import MarchNumbers, few_in_words, in_words
+from impactfem.planning.solid_plan import STARTS, MarchNumbers, few_in_words, in_words
 from impactfem.planning.strains import finite_instead, told, with_strains
 from impactfem.planning.time_data import data_findings, time_data
 from impactfem.planning.wholes import find_whole
@@ -43,14 +43,6 @@ from impactfem.scene.solids import Solid
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidsModel
-
-_STARTS = {
-    "static": {
-        "start": "at rest: equilibrium of loads, gravity, supports and frictionless contact at "
-        "t = 0 is found before the first time step"
-    }
-}
-"""What is told of starts."""
 
 
 def plan_march(scene: Scene) -> Plan[MarchNumbers]:
@@ -91,7 +83,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     from impactfem.planning.vibration import follow_vibration  # noqa: PLC0415  (likewise)
 
     solids, solve = scene.solids, scene.solve
-    reasons = dict(_STARTS.get(scene.start, {}))
+    reasons = dict(STARTS.get(scene.start, {}))
     findings: list[Finding] = []
     degrees, model = _meshed(scene, reasons, findings)
     if choose_normals(model, reasons) and not model.updated:

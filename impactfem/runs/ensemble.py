@@ -118,6 +118,8 @@ def _fixed(model: SolidsModel) -> _Fixed:
     if len(scene.bodies) != 1 or lone is None or model.joints is not None:
         names = ", ".join(body.name for body in scene.bodies)
         _refuse(f"{names} is not one body, or is held, driven, met by faces or not rigid")
+    if scene.starts_at_rest:
+        _refuse(f"it starts {scene.start!r}")
     nodes, planes, laws = [], [], []
     for met in model.obstacle_meetings:
         obstacle = met.gaps.single

@@ -171,8 +171,10 @@ class _Making:
 
     def _beginning(self, started: Started | None) -> LoopSettings:
         """The settings, with what a march takes of the equilibrium that it starts from."""
-        rest = None if started is None else (started.rest.multiplier, started.static)
-        return replace(self.settings, rest=rest)
+        if started is None:
+            return self.settings
+        rest = started.rest
+        return replace(self.settings, rest=(rest.multiplier, started.static, rest.rubbing))
 
     def _brought_to_rest(self, bodies: Sequence[FiniteBody], interior: Stepper) -> Started | None:
         """Start bodies among which some have finite strain at rest, if their scene asks for it.
@@ -218,10 +220,12 @@ class _Making:
         """Bring bodies to rest; see `start_at_rest`."""
         self.progress.step("bringing the bodies to rest")
         settings = self.settings
+        # Levels that share forces with the layer before t = 0 know no friction there.
+        rubs = None if self.scheme.shares_forces else settings.friction
         pressing = Pressing(settings.active_set, settings.tolerance, settings.springs)
         return start_at_rest(
             self.model, resting, self.surfaces, interior, static, settings.gaps, pressing, arms,
-            list(dict.fromkeys(part.stepper for part in self.few)),
+            list(dict.fromkeys(part.stepper for part in self.few)), rubs,
         )  # fmt: skip
 
     def levels(self, limit: float) -> tuple[Started | None, Any, TimeLoop[Any]]:

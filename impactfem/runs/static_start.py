@@ -13,6 +13,8 @@ from impactfem.marching.few_start import FewAtRest
 from impactfem.marching.layers import ContactGaps, Stepper
 from impactfem.marching.pressing import Pressing
 from impactfem.marching.resting import Rest, Resting
+from impactfem.marching.rough_rest import Rough
+from impactfem.marching.rubbing import Friction
 from impactfem.marching.static_start import Arms, StaticStart
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.solid_choices import fitting_solver
@@ -124,6 +126,7 @@ def start_at_rest(
     pressing: Pressing,
     arms: Arms | None = None,
     others: Sequence[Any] = (),
+    friction: Friction | None = None,
 ) -> Started:
     """Move interiors to equilibrium (collective).
 
@@ -137,6 +140,7 @@ def start_at_rest(
         pressing: What finds forces in them.
         arms: By which the march turns directions of gaps; see `StaticStart`.
         others: What steps bodies without meshes, whose contact nodes are the last.
+        friction: In the gaps; None without any.
 
     Raises:
         SceneError: Loads drive a body that nothing holds.
@@ -148,7 +152,8 @@ def start_at_rest(
     besides = [other.at_rest() for other in others]
     bodies = [*bodies, *besides]
     try:
-        rest = StaticStart(model.comm, bodies, owns, gaps, pressing, arms).find()
+        rough = None if friction is None else Rough(friction, pressing, model.dim)
+        rest = StaticStart(model.comm, bodies, owns, gaps, pressing, arms, rough).find()
     finally:
         for body in bodies:
             body.destroy()

@@ -59,7 +59,7 @@ class Content:
     start: str = key(
         Choice(STARTS),
         "state before velocities are added: as given, or equilibrium of loads, gravity, supports "
-        "and frictionless contact at t = 0 (solids)",
+        "and contact at t = 0",
         default=STARTS[0],
     )
     bodies: Given[tuple[Body, ...], Sequence[Body]] = key(
@@ -233,7 +233,7 @@ class Content:
     @property
     def solver(self) -> Solver:
         """What solves it: what its bodies say if they are alike and this does, else the march."""
-        if self.in_coordinates:
+        if self.in_coordinates and not self.starts_at_rest:
             return "vibro"
         several = len(self.bodies) > 1 or not self.obstacles
         own = {body.solvers[several] for body in self.bodies}

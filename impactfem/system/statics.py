@@ -48,6 +48,13 @@ class BodyAtRest:
         """Displacements of the contact nodes, (count, dim) (collective)."""
         return self._surface.gather(place)
 
+    def touch(self, normals: Floats) -> None:
+        """Nothing: nodes touch themselves."""
+
+    def touching(self, place: Floats) -> Floats:
+        """Displacements of the contact nodes [m], (count, dim) (collective)."""
+        return self.contact(place)
+
     def moved(self, place: Floats, change: Floats) -> Floats:  # noqa: ARG002  (as of others)
         """How they move by a change of the owned dofs, (count, dim) (collective)."""
         return self._surface.gather(change)

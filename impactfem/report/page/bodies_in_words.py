@@ -167,7 +167,7 @@ def _state(scene: Scene, solid: Any) -> str:
     if not is_zero(solid.displacement):
         parts.append(f"with the displacement {formulas(solid.displacement, 'm')}")
     if scene.starts_at_rest:
-        parts.insert(0, "in equilibrium of its loads, supports and frictionless contact")
+        parts.insert(0, "in equilibrium of its loads, supports and contact")
     return f"It starts {' and '.join(parts)}." if parts else "It starts at rest, unstrained."
 
 
