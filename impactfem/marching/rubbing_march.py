@@ -163,6 +163,14 @@ class RubbingMarch(SolidMarch):
         lengths = law.rolling, law.spinning
         return resisting(self._gaps, self._turnable, rows, directions, lengths, 2.0 * self._reach)
 
+    def _hand_over(self) -> None:
+        """Give forces to the gaps that carry them now, and what else belongs to friction."""
+        super()._hand_over()
+        state, handed = self._rubbing, self._gaps.handed
+        state.tangential, state.older_tangential, state.stuck = map(
+            handed, (state.tangential, state.older_tangential, state.stuck)
+        )
+
     def _earlier(self, last: Floats) -> tuple[Floats, Floats, Floats, Floats, float]:
         """Multipliers, gaps, tangential forces and places where the law begins; how many layers."""
         contact, state = self.contact, self._rubbing

@@ -85,6 +85,9 @@ class SolidMarch(TimeLoop[Interior]):
         explicit = self._scheme.explicit
         back = 1.0 if explicit else 0.5
         gap, normals = self._gaps.at(free, begin, last, time, back, interior.dt)
+        if self._gaps.shares_nodes:
+            self._hand_over()
+            state = self.contact
         if interior.rolling:
             self._rolled = cast("Rolling", interior).touched(self._gaps.spread(normals))
         if self._changes:
@@ -106,6 +109,14 @@ class SolidMarch(TimeLoop[Interior]):
             force = multiplier
         self._close_row(self.layer, force, iterations)
         return force
+
+    def _hand_over(self) -> None:
+        """Give forces to the gaps that carry them now: nodes slide from obstacle to obstacle."""
+        state, handed = self.contact, self._gaps.handed
+        new, older = handed(state.multiplier), handed(state.older_multiplier)
+        gap = np.where((new > 0.0) & (new != state.multiplier), 0.0, state.gap)
+        before = np.where((older > 0.0) & (older != state.older_multiplier), 0.0, state.older_gap)
+        self.contact = ContactState(new, gap, older, before, state.static)
 
     def _layer_forces(
         self, gap: Floats, normals: Floats, free: Floats, last: Floats

@@ -86,8 +86,6 @@ class Contacts:
         model: SolidsModel,
         surfaces: Sequence[SurfaceNodes],
         offsets: Sequence[int],
-        *,
-        iterates: bool,
     ) -> "Contacts":
         """All contacts of some bodies.
 
@@ -95,8 +93,6 @@ class Contacts:
             model: The bodies.
             surfaces: Contact nodes of the solids on this rank.
             offsets: Where the contact nodes of each part of the march begin, and their number.
-            iterates: Whether iterates settle the steps: nodes then are held off all obstacles that
-                they may reach, else off the nearest.
 
         Raises:
             SceneError: Bodies overlap at t = 0, or cannot meet.
@@ -113,12 +109,13 @@ class Contacts:
             if part.contact is not None:
                 contact: Touching = part.contact
                 at, nodes, against = np.arange(part.contact.count), None, list(part.obstacles)
-                if iterates and model.updated:
-                    several = [piece for obstacle in against for piece in obstacle.parts()]
-                    if len(several) > 1:
-                        against = several
-                        nodes, contact = Started.to_each(contact, against, part.reach.distance)
-                        at = nodes
+                several = [piece for obstacle in against for piece in obstacle.parts()]
+                # What is linearised at t = 0 goes on for ever, as planes do.
+                exact = model.updated or all(piece.plane is not None for piece in several)
+                if exact and len(several) > 1:
+                    against = several
+                    nodes, contact = Started.to_each(contact, against, part.reach.distance)
+                    at = nodes
                 chosen = np.searchsorted(model.numbers[k], part.contact.numbers)[at]
                 moved = surface.gather(part.system.displacement)[chosen]
                 name = part.solid.name

@@ -121,7 +121,7 @@ def make_loop(
     counts += [len(part.surface_displacement) for part in few]
     offsets = [0, *np.cumsum(counts).tolist()]
     surfaces = [surface for _, surface, _ in each]
-    contacts = Contacts.of(model, surfaces, offsets, iterates=iterates)
+    contacts = Contacts.of(model, surfaces, offsets)
     law = contacts.friction(scene, tolerance, 50 * numbers.max_iterations)
     # Nodes that each have a gap of their own: nothing has to be weighed.
     alone = len(each) == 1 and not few and law is None and not contacts.pairs
