@@ -169,6 +169,10 @@ class _Making:
     dt: float
     alone: bool
 
+    @property
+    def _rests(self) -> bool:
+        return self.model.scene.starts_at_rest
+
     def _beginning(self, started: Started | None) -> LoopSettings:
         """The settings, with what a march takes of the equilibrium that it starts from."""
         if started is None:
@@ -187,7 +191,7 @@ class _Making:
             How they came to rest; None if it was not asked for.
         """
         model = self.model
-        if not model.scene.starts_at_rest:
+        if not self._rests:
             return None
         gravity = np.asarray(model.scene.vector_gravity.at(0.0))
         spins = [spin_of(part) for part in model.parts]
@@ -280,7 +284,7 @@ class _Making:
         if amid:
             whole = Composite([*solids, Staggered(joined).as_interior()], movable)
         started = None
-        if model.scene.starts_at_rest:
+        if self._rests:
             linear = linear_bodies(model, self.each, kind)
             started = self._start(linear, whole, whole.static, None)
         march = SolidMarch if settings.friction is None else RubbingMarch
