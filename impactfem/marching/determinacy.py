@@ -75,6 +75,19 @@ class Determinacy:
             self.seen[:7] = basis.shape[1], time, pair, own, low, high, count
             self.seen[12] = max(self.seen[12], float(_hangs_on_shares(problem, force)))
 
+    def look_at_normal(
+        self, time: float, rows: Integers, pair_of: Callable[[], Integers], response: Floats,
+        force: Floats,
+    ) -> None:  # fmt: skip
+        """Look at a layer without friction, by its answers [m/N], (pairs, pairs)."""
+        count = len(rows)
+        matrix = np.zeros((count, 2, count, 2))
+        matrix[:, 0, :, 0] = response
+        matrix[np.arange(count), 1, np.arange(count), 1] = np.diag(response)
+        none, flat = np.zeros(count), matrix.reshape(2 * count, 2 * count)
+        problem = ConeProblem(flat, np.zeros((count, 2)), none, none)
+        self.look(time, rows, pair_of, problem, np.column_stack([force, none]))
+
     def _look_at_friction(
         self, time: float, rows: Integers, pair_of: Callable[[], Integers], problem: ConeProblem,
         force: Floats, slip: Floats,

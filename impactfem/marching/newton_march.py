@@ -30,6 +30,7 @@ from impactfem.contact.spring_steps import SpringStep
 from impactfem.contact.springs import unresolved
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
+from impactfem.marching.determinacy import Determinacy
 from impactfem.marching.newton_bodies import NewtonStepper
 from impactfem.marching.newton_impacts import arriving, obstacle_speed, way_ahead
 from impactfem.marching.newton_steps import LayerSums, Step
@@ -64,6 +65,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         if settings.rest is not None:
             self._tangential = settings.rest[2]
         self._law, self._stuck = self._friction, none  # in a step; what did not slip in the last
+        self._determinacy = Determinacy()
         self._least = np.zeros(len(none))  # forces that are given in a step [N], (gaps,)
         self._resisting: Resisting | None = None
         law = self._friction
@@ -72,15 +74,39 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 self._gaps, cast("Turnable", interior), (law.rolling, law.spinning)
             )
 
+    def figures(self) -> Mapping[str, Any]:
+        """What is not determined of the forces."""
+        return self._determinacy.figures(self._gaps.pairs)
+
     def findings(self) -> tuple[Finding, ...]:
-        """Contacts too short for steps."""
+        """The same in words, and contacts too short for steps."""
+        found = self._determinacy.findings(self._gaps.pairs)
         if self._springs is None:
-            return ()
-        return unresolved(self.rows.indentation[: self.layer + 1], self.interior.dt)
+            return found
+        pressed = self.rows.indentation[: self.layer + 1]
+        return (*found, *unresolved(pressed, self.interior.dt))
+
+    def _ask(self, time: float, step: Step) -> None:
+        """Ask whether forces between nodes with mass are determined."""
+        rows = np.flatnonzero(step.force[:, 0] > 0.0)
+        lumped = self._by_mass and len(rows) > 1 and step.massive[rows].all()
+        if not (lumped and self._known.keys() >= set(rows.tolist())):
+            return
+        size = rows.size * step.force.shape[1]
+        each = np.stack([self._known[row][:, rows] for row in rows.tolist()]).reshape(size, size)
+        matrix, force, pair_of = 0.5 * (each + each.T), step.force[rows], self._gaps.pair_of
+        if self._law is None:
+            self._determinacy.look_at_normal(time, rows, pair_of, matrix, force[:, 0])
+            return
+        mu = self._law.static if step.sticks is not None else self._law.coefficients
+        free = step.way[rows] - (matrix @ force.ravel()).reshape(force.shape)
+        law = ConeProblem(matrix, free, mu[rows], np.zeros(len(rows)))
+        self._determinacy.look(time, rows, pair_of, law, force)
 
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the state of the bodies, the same on all ranks."""
         own = {"tangential": self._tangential, "stuck": self._stuck.astype(float)}
+        own["determinacy"] = self._determinacy.seen
         return super().memory() | own
 
     def restore(
@@ -89,6 +115,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         """Continue after ``layer`` layers; see `TimeLoop.restore`."""
         super().restore(state, memory, asked, layer)
         self._tangential, self._stuck = memory["tangential"], memory["stuck"] > 0.0
+        self._determinacy.seen = memory["determinacy"].copy()
 
     def _advance(self) -> Floats:
         """One layer, in as many steps as it takes; returns its mean contact forces [N]."""
@@ -123,6 +150,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 continue
             interior.accept()
             self._stuck = self._stuck if step.sticks is None else step.sticks
+            self._ask(stop, step)
             done.add(step, stop - time)
             last, self._normals = step.left, step.directions[:, 0]
             self._tangential = in_space(step.directions[:, 1:], step.force[:, 1:])

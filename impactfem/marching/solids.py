@@ -6,7 +6,6 @@ from typing import Any, cast
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats, Integers
-from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.layer_law import Layer, keeping, solve_layer
 from impactfem.contact.speed_law import Halfway, rebound
 from impactfem.contact.springs import unresolved
@@ -270,7 +269,8 @@ class SolidMarch(TimeLoop[Interior]):
             taking_part |= missed
         force[rows], multiplier[rows] = pushes, levels
         if fast[rows].all() and np.count_nonzero(pushes) > 1:
-            self._look(rows, share * response, pushes)
+            time, pair_of = (self.layer + 1) * interior.dt, self._gaps.pair_of
+            self._determinacy.look_at_normal(time, rows, pair_of, share * response, pushes)
         if pushes.any():
             change = self._responses.displacement(rows, normals[rows], acting)
             inside = force[:, None] * normals
@@ -280,19 +280,6 @@ class SolidMarch(TimeLoop[Interior]):
             static = self._pressed(rows, normals, multiplier)
         self._true_gap = true
         return force, multiplier, static, iterations
-
-    def _look(self, rows: Integers, response: Floats, force: Floats) -> None:
-        """Ask whether normal forces of nodes with mass are determined."""
-        count = len(rows)
-        matrix = np.zeros((count, 2, count, 2))
-        matrix[:, 0, :, 0] = response
-        matrix[np.arange(count), 1, np.arange(count), 1] = np.diag(response)
-        none = np.zeros(count)
-        flat = matrix.reshape(2 * count, 2 * count)
-        problem = ConeProblem(flat, np.zeros((count, 2)), none, none)
-        time = (self.layer + 1) * self.interior.dt
-        found, pair_of = np.column_stack([force, none]), self._gaps.pair_of
-        self._determinacy.look(time, rows, pair_of, problem, found)
 
     def figures(self) -> Mapping[str, Any]:
         """What is not determined of the forces."""
