@@ -33,7 +33,7 @@ class Barrier:
     Forces 10 x + 500 x^3 and log(1 + y) / (1 + y).
     """
 
-    name, modes = "node", Modes()
+    name, modes, patience = "node", Modes(), 0
 
     def __init__(self, load):
         self.start, self.load, self.looks = np.zeros(2), np.array(load), 0
@@ -41,7 +41,10 @@ class Barrier:
     def contact(self, place):
         return place[None]
 
-    def pulled(self, forces):
+    def moved(self, place, change):
+        return change[None]
+
+    def pulled(self, forces, place):
         return forces[0]
 
     def residual(self, place):
