@@ -92,10 +92,6 @@ def check_itself(scene: Content) -> None:
         if body is None or not body.meets_itself:
             text = f'{shown}; name two, or give a solid with strain = "finite".'
             raise KeyedError(f"contact[{index}]", "between", text)
-        method = scene.solve.method
-        if method is not None and METHODS[method].stable == "limited":
-            text = f'{shown} in explicit steps; give solve.method = "conserving".'
-            raise KeyedError(f"contact[{index}]", "between", text)
 
 
 def check_laws(scene: Content) -> None:

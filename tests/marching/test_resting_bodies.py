@@ -41,10 +41,10 @@ class Barrier:
     def contact(self, place):
         return place[None]
 
-    def moved(self, place, change):
+    def moved(self, _, change):
         return change[None]
 
-    def pulled(self, forces, place):
+    def pulled(self, forces, _):
         return forces[0]
 
     def residual(self, place):
