@@ -414,8 +414,8 @@ class StaticStart:
         return SceneError(
             f'start = "static": nothing holds body {name} against its {modes.words(along)}, '
             f"{percent(modes.push(along) / self._gross)} of the forces at t = 0; add a support, or "
-            "an obstacle or body that holds it, or more friction, balance the loads, or use start = "
-            '"given"'
+            "an obstacle or body that holds it, or more friction, balance the loads, or use "
+            'start = "given"'
         )
 
     def _hold(self, body: int, along: Floats) -> None:
