@@ -9,7 +9,7 @@ error is and what it cost.
     >>> result.summary["error"]
 
 Here are the doors and the kinds of bodies; what these are made of, and all else, is in the rooms
-`bodies`, `errors`, `exact`, `inverse`, `obstacles`, `shapes`, `studies` and `systems`.
+`bodies`, `errors`, `exact`, `extend`, `inverse`, `obstacles`, `shapes`, `studies` and `systems`.
 """
 
 from importlib import import_module
@@ -17,8 +17,19 @@ from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 if TYPE_CHECKING:
-    from impactfem import bodies, errors, exact, inverse, obstacles, shapes, studies, systems
+    from impactfem import (
+        bodies,
+        errors,
+        exact,
+        extend,
+        inverse,
+        obstacles,
+        shapes,
+        studies,
+        systems,
+    )
     from impactfem.errors import ImpactError, ImpactWarning, SceneError
+    from impactfem.extend import register
     from impactfem.facade import Result
     from impactfem.inverse import gradient, identify, optimise
     from impactfem.planning import Plan, plan
@@ -77,10 +88,21 @@ _HOMES = {
     "integrate": "impactfem.vibro.integrating",
     "optimise": "impactfem.inverse",
     "plan": "impactfem.planning",
+    "register": "impactfem.extend",
     "solve": "impactfem.solving",
 }
 
-_ROOMS = ("bodies", "errors", "exact", "inverse", "obstacles", "shapes", "studies", "systems")
+_ROOMS = (
+    "bodies",
+    "errors",
+    "exact",
+    "extend",
+    "inverse",
+    "obstacles",
+    "shapes",
+    "studies",
+    "systems",
+)
 
 # Names that stood here up to 0.1, and the room that each is in now.
 _MOVED = {
@@ -128,6 +150,7 @@ __all__ = [
     "compare",
     "errors",
     "exact",
+    "extend",
     "gradient",
     "identify",
     "integrate",
@@ -135,6 +158,7 @@ __all__ = [
     "obstacles",
     "optimise",
     "plan",
+    "register",
     "shapes",
     "solve",
     "studies",

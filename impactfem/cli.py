@@ -21,6 +21,7 @@ from impactfem.errors import (
     OutputError,
     SceneError,
 )
+from impactfem.extensions import load, load_installed
 from impactfem.first_use import announce_to
 from impactfem.processes import abort, complain, end_together, join, rank, ranks, say
 from impactfem.signals import InterruptedRunError, end_if_deaf, kept_apart, listen
@@ -107,7 +108,10 @@ def _prepare_streams() -> None:
 
 
 def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """The arguments; only rank 0 says what is wrong with them, and what is compiled."""
+    """The arguments; only rank 0 says what is wrong with them, and what is compiled.
+
+    Extensions are loaded with them.
+    """
     with contextlib.ExitStack() as stack:
         if rank() != 0:
             null = stack.enter_context(open(os.devnull, "w"))  # noqa: PTH123
@@ -116,6 +120,9 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
         given = _parser().parse_args(arguments)
     if rank() == 0 and not getattr(given, "quiet", False):
         announce_to(_announce)
+    load_installed()
+    for extension in given.extensions:
+        load(extension)
     return given
 
 
@@ -170,6 +177,10 @@ def _parser() -> argparse.ArgumentParser:
         text = text[0].lower() + text[1:]
         sub = parsers.add_parser(action.__name__, help=text, description=text)
         sub.set_defaults(action=action)
+        sub.add_argument(
+            "--extension", dest="extensions", metavar="MODULE", action="append", default=[],
+            help="file (.py) or module that registers bodies, obstacles, methods (repeatable)",
+        )  # fmt: skip
         if scene != 0:
             sub.add_argument(
                 "scene", metavar="SCENE", nargs=scene,

@@ -86,6 +86,8 @@ def _record(given: argparse.Namespace, result: "Result") -> dict[str, Any]:
     words = ["impactfem", "run"] if given.scene is None else ["impactfem", "run", given.scene]
     for text in given.settings:
         words += ["--set", text]
+    for text in given.extensions:
+        words += ["--extension", text]
     for option in ("out", "restart"):
         if getattr(given, option) is not None:
             words += [f"--{option}", str(getattr(given, option))]
@@ -279,7 +281,8 @@ def _searched(
     found = search(scene, folder=folder, restart=given.restart)
     words = ["impactfem", given.action.__name__, given.scene]
     words += [word for text in given.settings for word in ("--set", text)]
-    record = run_record(shell_command(words))
+    words += [word for text in given.extensions for word in ("--extension", text)]
+    record = run_record(shell_command(words), found.scene.said)
     on_root(lambda: write(found, folder, record))
     verified = solve(found.scene)
     on_root(lambda: verified.write_data(folder / "verified"))

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import impactfem
+from impactfem.extensions import ADDED, load_installed, records
 from impactfem.result.grids import drawing_fault
 
 _LIBRARIES = ("numpy", "scipy", "numba", "xarray", "h5py", "matplotlib", "tqdm")
@@ -49,6 +50,8 @@ def examine() -> tuple[list[tuple[str, str]], list[str]]:
         rows.append((name, needed if found == "missing" else found))
     rows += [("compiler", _compiler(faults)), ("gmsh", _gmsh(faults))]
     rows += [("cache of forms", _forms(faults)), ("cache of loops", _loops())]
+    faults += load_installed()
+    rows.append(("extensions", _extensions()))
     rows += [("report.html", _report(faults)), ("rendering", _rendering())]
     rows.append(("OMP_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "not set (1 is used)")))
     return rows, faults
@@ -171,6 +174,12 @@ def _gmsh(faults: list[str]) -> str:
             f"gmsh is {found}: pip install impactfem[fem], or apt-get install python3-gmsh"
         )
     return found
+
+
+def _extensions() -> str:
+    """What is registered, by module."""
+    each = (f"{one['module']} ({', '.join(one['adds'])})" for one in records(ADDED))
+    return "; ".join(each) or "none"
 
 
 def _rendering() -> str:

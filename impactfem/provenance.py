@@ -3,12 +3,14 @@
 import os
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+
+from impactfem.extensions import records
 
 _FROM_PYTHON = "python: impactfem.solve(...)"
 
@@ -25,23 +27,25 @@ _LIBRARIES = (
 )
 
 
-def run_record(command: str | None = None) -> dict[str, Any]:
+def run_record(command: str | None = None, said: Iterable[str] = ()) -> dict[str, Any]:
     """What ``summary["run"]`` holds; nothing is imported for it.
 
     Args:
         command: The command line of the run; that it came from Python if None.
+        said: What the scene names of what extensions add (`Content.said`).
 
     Returns:
         Plain data: ``date`` (ISO 8601 with the offset of the clock), ``command``, ``versions`` by
-        name (of impactfem, Python and the libraries that the run has loaded) and ``machine``
-        (``system``, ``processor``, ``cores``).
+        name (of impactfem, Python and the libraries that the run has loaded), ``machine``
+        (``system``, ``processor``, ``cores``) and, if there are any, ``extensions``
+        (`impactfem.extensions.records`).
     """
     return {
         "date": datetime.now().astimezone().isoformat(timespec="seconds"),
         "command": command or _FROM_PYTHON,
         "versions": versions(),
         "machine": machine(),
-    }
+    } | ({"extensions": found} if (found := records(said)) else {})
 
 
 def shell_command(words: Sequence[str]) -> str:

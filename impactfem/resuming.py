@@ -5,6 +5,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from impactfem.errors import OutputError, SceneError
+from impactfem.extensions import missing
 from impactfem.processes import on_root, rank
 from impactfem.result.claim import Claim
 from impactfem.result.store import CHECKPOINT, SPOOL
@@ -17,14 +18,16 @@ def scene_to_continue(folder: Path) -> Scene:
     """The scene whose checkpoint lies in a folder.
 
     Raises:
-        SceneError: There is no checkpoint that can be read.
+        SceneError: There is no checkpoint that can be read, or it needs an extension.
     """
     from impactfem.marching.checkpoint import scene_of  # noqa: PLC0415  (loads DOLFINx)
 
     try:
-        text = scene_of(folder)
+        text, extensions = scene_of(folder)
     except OutputError as error:  # a wrong argument, not a fault of the disk
         raise SceneError(f"run: --restart {folder}: {error}") from None
+    if why := missing(extensions):
+        raise SceneError(f"run: --restart {folder}: {why}")
     return Scene.from_dict(parse_toml(text, str(folder / CHECKPOINT)), base=folder)
 
 

@@ -60,5 +60,5 @@ def solve(
     chosen = planned or plan(scene)
     saved = Checkpointing(checkpoints, restart)
     run = runner(scene.solver)(scene, chosen, progress or Progress(), saved)
-    summary = {**summarise(scene, chosen, run), "run": run_record()}
+    summary = {**summarise(scene, chosen, run), "run": run_record(said=scene.said)}
     return Result(run.used, run.history, summary, run.fields, run.exact, run.impacts)

@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import json
 import os
 import stat
 import struct
@@ -31,7 +32,7 @@ _BROKEN = (
     OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, NotImplementedError,
     SyntaxError, MemoryError, zipfile.BadZipFile, zlib.error, struct.error,
 )  # fmt: skip
-_OWN = frozenset({"scene", "body", "layer", "dt"})
+_OWN = frozenset({"scene", "extensions", "body", "layer", "dt"})
 
 
 class Checkpoints:
@@ -42,8 +43,9 @@ class Checkpoints:
     """
 
     def __init__(
-        self, comm: Any, collector: Collector, positions: Floats, folder: Path, scene: str
-    ) -> None:
+        self, comm: Any, collector: Collector, positions: Floats, folder: Path, scene: str,
+        extensions: Mapping[str, str],
+    ) -> None:  # fmt: skip
         """Set where and for which scene (collective).
 
         Args:
@@ -52,9 +54,11 @@ class Checkpoints:
             positions: Undeformed places of the nodes this rank owns [m], shape (owned, dim).
             folder: Where the file lies; it must exist.
             scene: The scene as text; a checkpoint of another one is refused.
+            extensions: What the scene needs (`impactfem.extensions.needed`).
         """
         self._comm, self._collector, self._dim = comm, collector, positions.shape[1]
         self._path, self._scene = folder / FILE, scene
+        self._extensions = json.dumps(dict(extensions))
         # Gmsh of another version, or a mesh file that was changed, makes another mesh of a scene.
         places = collector.collect(positions.ravel(), self._dim)
         self._body = "" if places is None else hashlib.sha256(places.tobytes()).hexdigest()
@@ -70,8 +74,8 @@ class Checkpoints:
             OutputError: The file cannot be written; the last one is kept.
         """
         data: dict[str, Any] = {
-            "scene": self._scene, "body": self._body, "layer": march.layer,
-            "dt": march.interior.dt, **extra,
+            "scene": self._scene, "extensions": self._extensions, "body": self._body,
+            "layer": march.layer, "dt": march.interior.dt, **extra,
         }  # fmt: skip
         for name, values in march.interior.state().items():
             data[f"node.{name}"] = self._collector.collect(values, self._dim)
@@ -223,16 +227,17 @@ def load(path: Path, *names: str) -> dict[str, Any]:
         ) from error
 
 
-def scene_of(folder: Path) -> str:
-    """Text of the scene whose checkpoint lies in a folder.
+def scene_of(folder: Path) -> tuple[str, dict[str, str]]:
+    """Text of the scene whose checkpoint lies in a folder, and the extensions that it needs.
 
     Raises:
         OutputError: There is no checkpoint.
     """
-    text = load(folder / FILE, "scene").get("scene")
+    found = load(folder / FILE, "scene", "extensions")
+    text = found.get("scene")
     if text is None:
         raise OutputError(
             f"{folder / FILE}: names no scene, so it is no checkpoint; give the folder of a "
             "stopped run with output.checkpoint = N"
         )
-    return str(text)
+    return str(text), json.loads(str(found.get("extensions", "{}")))

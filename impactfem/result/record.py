@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from impactfem.errors import OutputError, SceneError
+from impactfem.extensions import missing
 from impactfem.result.export import needed_bytes, write_fields
 from impactfem.result.fields import StoredFields
 from impactfem.result.history import write_csv
@@ -133,6 +134,9 @@ class Record:
         try:
             summary = json.loads((folder / LAST).read_text(encoding="utf-8"))
             summary.pop("files", None)  # tells of the folder, not of the run
+            extensions = summary.get("run", {}).get("extensions", ())
+            if why := missing({what: one["module"] for one in extensions for what in one["adds"]}):
+                raise OutputError(f"{folder}: {why}")
             history = read_netcdf(folder / "history.nc", _CURVES)
             scene = Scene.from_toml(folder / "scene.toml")
             exact = folder / "exact.nc"

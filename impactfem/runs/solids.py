@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from impactfem.errors import ConvergenceError
+from impactfem.extensions import needed
 from impactfem.log import Progress
 from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
@@ -161,7 +162,8 @@ def _march(
     positions = np.concatenate([none, *(part.system.positions for part in model.parts)])
 
     def checkpoints(folder: Path) -> Checkpoints:
-        return Checkpoints(comm, collector, positions, folder, scene.to_toml(folder=folder))
+        text = scene.to_toml(folder=folder)
+        return Checkpoints(comm, collector, positions, folder, text, needed(scene.said))
 
     shows = bool(model.parts) or any(np.size(body.shape.cells) for body in others)
     keep = shows and bool(scene.output.fields)  # links without shapes have nothing to show

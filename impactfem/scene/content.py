@@ -1,7 +1,7 @@
 """What a scene holds, and what follows from it: which bodies there are, and what solves them."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -36,9 +36,10 @@ from impactfem.scene.values import show
 type Body = Bar | Solid | Point | Rod | Beam | RigidBody | Mechanism | SpringNet | Plate
 type Obstacle = Wall | Rigid
 
-BODIES: Mapping[str, type[Any]] = {
+BODIES: dict[str, type[Any]] = {
     cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam, RigidBody, Mechanism, SpringNet, Plate)
 }
+"""All kinds by name; `impactfem.extend` adds others."""
 MAX_CONTACTS = 10_000
 MAX_JOINTS = 10_000
 STARTS = ("given", "static")
@@ -63,10 +64,10 @@ class Content:
         default=STARTS[0],
     )
     bodies: Given[tuple[Body, ...], Sequence[Body]] = key(
-        ObjectsKind(tuple(BODIES.values()), "[[body]]", MAX_BODIES), "what moves", name="body"
+        ObjectsKind(BODIES.values(), "[[body]]", MAX_BODIES), "what moves", name="body"
     )
     obstacles: Given[tuple[Obstacle, ...], Sequence[Obstacle]] = key(
-        ObjectsKind(tuple(OBSTACLES.values()), "[[obstacle]]", MAX_OBSTACLES, 0),
+        ObjectsKind(OBSTACLES.values(), "[[obstacle]]", MAX_OBSTACLES, 0),
         "what it may hit; only points, rigid bodies and rows of bars may do without",
         name="obstacle",
         default=(),
@@ -127,6 +128,14 @@ class Content:
     def kinds(self) -> frozenset[str]:
         """Kinds of its bodies."""
         return frozenset(body.kind for body in self.bodies)
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """What it names of what extensions may add, as "body frame"."""
+        named = [("body", b.kind) for b in self.bodies]
+        named += [("obstacle", o.kind) for o in self.obstacles]
+        named += [("method", self.solve.method)] if self.solve.method else []
+        return tuple(f"{what} {name}" for what, name in dict.fromkeys(named))
 
     @property
     def bar(self) -> Bar:
@@ -329,7 +338,7 @@ def _of_obstacle(scene: Content, obstacle: Obstacle) -> str | None:
     found, points = None, all(body.meets_alike for body in scene.bodies)
     if not obstacle.is_smooth:
         found = f"the corners of {obstacle.name}"
-    elif not obstacle.is_flat and (obstacle.motion or not points):
+    elif not obstacle.is_flat and (obstacle.motion or not points or not obstacle.in_space.core):
         found = f"{obstacle.name}, which is curved"
     elif obstacle.motion and not points:
         found = f"the motion of {obstacle.name}"

@@ -6,6 +6,7 @@ and `oneOf` on the key `kind`, since Taplo (Even Better TOML) follows these and 
 """
 
 import json
+from collections.abc import Iterable
 from functools import singledispatch
 from typing import Any
 
@@ -111,13 +112,15 @@ def _described(entry: Key, found: dict[str, Schema]) -> Schema:
 
 
 def _reference(cls: type[Any], found: dict[str, Schema]) -> Schema:
-    if cls.__name__ not in found:
-        found[cls.__name__] = {}  # taken, should a table hold itself
-        found[cls.__name__] = _table(cls, found)
-    return {"$ref": f"#/definitions/{cls.__name__}"}
+    module = cls.__module__
+    name = cls.__name__ if module.startswith("impactfem.") else f"{module}.{cls.__name__}"
+    if name not in found:
+        found[name] = {}  # taken, should a table hold itself
+        found[name] = _table(cls, found)
+    return {"$ref": f"#/definitions/{name}"}
 
 
-def _one_of(classes: tuple[type[Any], ...], found: dict[str, Schema]) -> Schema:
+def _one_of(classes: Iterable[type[Any]], found: dict[str, Schema]) -> Schema:
     references = [_reference(cls, found) for cls in classes]
     return references[0] if len(references) == 1 else {"oneOf": references}
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from impactfem.errors import SceneError
+from impactfem.extensions import load_installed
 from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, Content
@@ -156,6 +157,7 @@ class Scene(Content):
         Raises:
             SceneError: naming the key, e.g. ``body[0].length``.
         """
+        load_installed()
         fields = {entry.name: name for name, entry in keys_of(cls).items()}
         given = check_keys(data, list(fields), "", TOP)
         values: dict[str, Any] = {k: v for k, v in given.items() if v is not None}

@@ -296,6 +296,11 @@ def table[T](heading: str = "") -> Callable[[type[T]], type[T]]:
     return register
 
 
+def entitle(heading: str, cls: type[DataclassLike]) -> None:
+    """Give a table a heading, under which `describe` and hints know it."""
+    _TABLES[heading] = cls
+
+
 def _checked(instance: Any) -> None:
     """Check the keys of a new table, then what they mean together."""
     check_fields(instance, getattr(instance, "heading", None) or instance.kind)

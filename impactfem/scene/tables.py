@@ -1,6 +1,6 @@
 """Tables inside a scene: bodies, obstacles and settings, as kinds of values."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, override
 
@@ -11,6 +11,8 @@ from impactfem.scene.values import NotAllowedError, show, type_in_words
 
 MAX_OBSTACLES = 100
 MAX_BODIES = 2000
+EXTENDED = ("body[", "obstacle[")
+"""Tables to whose kinds extensions add others."""
 MODELLED = (
     f"up to {MAX_BODIES} bodies of any kinds and up to {MAX_OBSTACLES} obstacles, of bars in a row "
     "one wall"
@@ -47,7 +49,7 @@ class ObjectsKind(Kind):
     """A list of bodies or obstacles."""
 
     type_name: ClassVar[str] = "list of tables"
-    classes: tuple[type[Any], ...]
+    classes: Collection[type[Any]]
     heading: str
     at_most: int
     at_least: int = 1
@@ -62,13 +64,14 @@ class ObjectsKind(Kind):
 
     @override
     def read(self, value: object) -> tuple[Any, ...]:
-        if isinstance(value, self.classes):
+        classes = tuple(self.classes)
+        if isinstance(value, classes):
             raise NotAllowedError("it is not in a list, write [ ] around it")
         if not isinstance(value, list | tuple):
             raise NotAllowedError(f"it is {type_in_words(value)}, not a list")
         for entry in value:
-            if not isinstance(entry, self.classes):
-                names = " or ".join(cls.__name__ for cls in self.classes)
+            if not isinstance(entry, classes):
+                names = " or ".join(cls.__name__ for cls in classes)
                 raise NotAllowedError(f"{show(entry)} is not a {names}")
         check_count(value, self.at_most, self.at_least)
         return tuple(value)
@@ -143,7 +146,10 @@ def read_object(
     try:
         kind = one_of(given, tuple(classes))
     except NotAllowedError as error:
-        text = f" = {show(given)} is not allowed: {error}; give {allowed}."
+        more = ""
+        if where.startswith(EXTENDED) and "did you mean" not in str(error):
+            more = ", or load the extension that adds it (--extension)"
+        text = f" = {show(given)} is not allowed: {error}; give {allowed}{more}."
         raise KeyedError(where, "kind", text) from None
     return from_table(classes[kind], entry, where, "kind")
 

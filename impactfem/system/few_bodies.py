@@ -30,14 +30,21 @@ def few_bodies(scene: Scene) -> tuple[FewBodies, ...]:
     Raises:
         SceneError: A spring has no direction.
     """
-    kinds = list(_MAKERS)
+    own = {type(body): _of_own for body in scene.bodies if hasattr(body, "system")}
+    makers = {**_MAKERS, **own}
+    kinds = list(makers)
     bodies = sorted(
         (body for body in scene.bodies if type(body) in kinds), key=lambda b: kinds.index(type(b))
     )
     found: list[FewBodies] = []
     for kind, alike in groupby(bodies, type):
-        found += _MAKERS[kind](scene, list(alike))
+        found += makers[kind](scene, list(alike))
     return tuple(found)
+
+
+def _of_own(_: Scene, bodies: Sequence[Any]) -> list[FewBodies]:
+    """Of bodies that say it themselves, as those of extensions do."""
+    return [body.system() for body in bodies]
 
 
 def _of_points(scene: Scene, points: Sequence[Point]) -> Lumped:

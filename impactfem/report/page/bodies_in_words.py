@@ -31,17 +31,18 @@ _MODELS = {
 
 def body_in_words(scene: Scene, body: Any) -> str:
     """Sentences about one body of a scene; plain text."""
-    return _BODIES.get(body.kind, _any)(scene, body)
+    return _BODIES.get(body.kind, any_in_words)(scene, body)
 
 
-def _any(scene: Scene, body: Any) -> str:  # noqa: ARG001  (as the others)
-    """A body by the values of its keys."""
+def any_in_words(scene: Scene, body: Any) -> str:  # noqa: ARG001  (as the others)
+    """A body or an obstacle by the values of its keys."""
     given = (
         f"{entry.name} = {show(value)}{f' {entry.unit}' if entry.unit else ''}"
         for name, entry in keys_of(type(body)).items()
         if name != "name" and (value := getattr(body, name)) is not None
     )
-    return f"A {body.kind}: {', '.join(given)}."
+    article = "An" if body.kind[0] in "aeiouAEIOU" else "A"
+    return f"{article} {body.kind}: {', '.join(given)}."
 
 
 def _bar(scene: Scene, bar: Any) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from fnmatch import fnmatchcase
 from typing import Any
 
-from impactfem.report.page.bodies_in_words import body_in_words
+from impactfem.report.page.bodies_in_words import any_in_words, body_in_words
 from impactfem.report.page.numbers import goings, listed, number, quantity, vector
 from impactfem.scene import Scene
 from impactfem.scene.laws import side_of
@@ -37,7 +37,7 @@ def _rest(count: int, subject: str) -> Lines:
 
 
 def _obstacle(scene: Scene, obstacle: Any) -> str:
-    text = _OBSTACLES[obstacle.kind](scene, obstacle)
+    text = _OBSTACLES.get(obstacle.kind, any_in_words)(scene, obstacle)
     going = goings(obstacle)
     return f"{text} It is rigid and {f'{going} as t goes on' if going else 'at rest'}."
 

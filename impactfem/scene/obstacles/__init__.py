@@ -4,7 +4,6 @@ Each kind is one file: its keys and checks, its distance, outline, faces and mir
 is listed here.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 from impactfem.scene.obstacles.base import SIDES, Field, RigidObstacle
@@ -23,7 +22,7 @@ __all__ = [
 
 type Rigid = RigidObstacle
 
-OBSTACLES: Mapping[str, type[Any]] = {
+OBSTACLES: dict[str, type[Any]] = {
     cls.kind: cls
     for cls in (
         Wall,
@@ -35,4 +34,4 @@ OBSTACLES: Mapping[str, type[Any]] = {
         RigidMesh,
     )
 }
-"""All kinds by name."""
+"""All kinds by name; `impactfem.extend` adds others."""

@@ -83,7 +83,7 @@ class RigidObstacle:
     before_bars: ClassVar[bool] = False
     is_smooth: ClassVar[bool] = True
     name: str
-    motion: tuple[Formula, ...] | None
+    motion: tuple[Formula, ...] | None = None
     rotation: Rotation | None = None
     _vectors: ClassVar[tuple[str, ...]] = ()
 
@@ -93,6 +93,9 @@ class RigidObstacle:
         Raises:
             KeyedError: naming the key of the obstacle.
         """
+        if dim == 3 and type(self).faces is RigidObstacle.faces:
+            text = f" = {show(self.kind)} is one of the plane, but the body has 3 coordinates"
+            raise KeyedError(self.kind, "kind", f"{text}: give another kind, or a method faces.")
         for name in (*self._vectors, "motion"):
             value = getattr(self, name)
             if value is not None and len(value) != dim:

@@ -1,0 +1,141 @@
+"""What extensions are written with: `register`, and what bodies and obstacles are made of.
+
+An extension is a module that registers what it adds, in one line each. A body without a mesh is a
+class with keys and a method `system`, an obstacle a class with keys, distance, mirror image and
+outline or faces.
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+from impactfem.contact.distance import signed_distance
+from impactfem.errors import SceneError
+from impactfem.extensions import ADDED
+from impactfem.scene.body import BodyKind
+from impactfem.scene.content import BODIES
+from impactfem.scene.flight import Flight
+from impactfem.scene.given import MaybeFormulas, MaybeTable
+from impactfem.scene.inline import Formulas, InlineTable, ListOf, Vector
+from impactfem.scene.kinds import Choice, Integer, Line, Name, Real, Switch
+from impactfem.scene.obstacles import OBSTACLES
+from impactfem.scene.obstacles.base import MOTION, MOTION_KIND, RigidObstacle
+from impactfem.scene.obstacles.mirror import Mirror
+from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
+from impactfem.scene.schema import KeyedError, entitle, key, keys_of, table
+from impactfem.scene.values import NotAllowedError, show
+from impactfem.system.few import FewBodies, Lumped, rigid_in_plane
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+
+__all__ = [
+    "MOTION",
+    "MOTION_KIND",
+    "ROTATION",
+    "ROTATION_KIND",
+    "BodyKind",
+    "Choice",
+    "FewBodies",
+    "Flight",
+    "Formulas",
+    "GeneralizedSystem",
+    "InlineTable",
+    "Integer",
+    "KeyedError",
+    "Line",
+    "LinearSystem",
+    "ListOf",
+    "Lumped",
+    "MaybeFormulas",
+    "MaybeTable",
+    "Mirror",
+    "Name",
+    "Real",
+    "RigidObstacle",
+    "Rotation",
+    "Switch",
+    "Vector",
+    "key",
+    "register",
+    "rigid_in_plane",
+    "signed_distance",
+    "table",
+]
+
+
+def register[T](what: T) -> T:
+    """Add a kind of body or obstacle to the scene language, as one of the package's own.
+
+    From then on scenes, messages, the JSON schema, plan, run, report and restart know it. A class
+    of the same module and name replaces the one before, as where a cell of a notebook is run again;
+    scenes that are made keep theirs.
+
+    Args:
+        what: A class made by `table`: a `BodyKind` with a method ``system`` that gives its
+            `FewBodies`, or a `RigidObstacle`.
+
+    Returns:
+        The same, so that it may stand before a class as a decorator.
+
+    Raises:
+        SceneError: Its name is taken, or it lacks what is needed.
+    """
+    if isinstance(what, type) and issubclass(what, BodyKind):
+        _check(what, BodyKind, ("dim", "system"))
+        _enter("body", what.kind, what, BODIES)
+    elif isinstance(what, type) and issubclass(what, RigidObstacle):
+        _check(what, RigidObstacle, ("gap", "is_image"))
+        if what.outline is RigidObstacle.outline and what.faces is RigidObstacle.faces:
+            raise _lacks(what, "outline, in the plane, or faces, in space, for pictures")
+        _enter("obstacle", what.kind, what, OBSTACLES)
+    else:
+        raise SceneError(
+            f"register: {show(what)} is neither a body (a class of BodyKind) nor an obstacle (of "
+            "RigidObstacle)"
+        )
+    return what
+
+
+def _check(cls: type[Any], base: type[Any], wanted: Iterable[str]) -> None:
+    """Refuse a class without keys or without what its base leaves to it.
+
+    Raises:
+        SceneError: naming the class and the attribute.
+    """
+    if "__dataclass_fields__" not in vars(cls):
+        raise SceneError(f"register: {cls.__name__} is no table: write @table() above its class")
+    try:
+        Name().read(getattr(cls, "kind", None))
+    except NotAllowedError as error:
+        why = f"its name in scenes ({error})" if hasattr(cls, "kind") else "its name in scenes"
+        raise _lacks(cls, f'kind, {why}, as kind: ClassVar[str] = "frame"') from None
+    if "name" not in keys_of(cls):
+        text = f'name: str = key(Name(), "name in histories", default="{cls.kind}")'
+        raise _lacks(cls, f"the key name: {text}")
+    for name in wanted:
+        if getattr(cls, name, None) is getattr(base, name, None):
+            raise _lacks(cls, name)
+
+
+def _lacks(cls: type[Any], what: str) -> SceneError:
+    return SceneError(f"register: {cls.__name__} lacks {what}; give it, see impactfem.extend")
+
+
+def _enter(what: str, name: str, cls: type[Any], known: dict[str, type[Any]]) -> None:
+    """List a class among the kinds of a heading.
+
+    Raises:
+        SceneError: its name is taken.
+    """
+    there = known.get(name)
+    same = there is not None and _origin(there) == _origin(cls)
+    if there is not None and not (same and f"{what} {name}" in ADDED):
+        raise SceneError(
+            f'register: {cls.__name__}.kind = "{name}" is taken by {".".join(_origin(there))}; '
+            "choose another one"
+        )
+    known[name] = cls
+    ADDED[f"{what} {name}"] = cls.__module__
+    entitle(f'[[{what}]] with kind = "{name}"', cls)
+
+
+def _origin(cls: type[Any]) -> tuple[str, str]:
+    return cls.__module__, cls.__qualname__
