@@ -168,7 +168,13 @@ class BallPair(Anew):
             gaps = np.where(alike, np.inf, gaps)
         found = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
         weights = csr_matrix(found, shape=(count, self.total))
-        return Meeting(weights, gap, normal, np.zeros(count))
+
+        def turning() -> Turning:
+            """Where a point of no radius touches a face, the way to it has no direction."""
+            return Turning(patch_of(weights, self.target.nodes))
+
+        sharp = target.signs is not None and not self.radius.all()
+        return Meeting(weights, gap, normal, np.zeros(count), turning if sharp else None)
 
     def _past(
         self, target: Target, acting: Floats, there: Floats, shares: Floats, amid: Floats

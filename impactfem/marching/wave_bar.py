@@ -1,9 +1,10 @@
 """Layers of a bar: its waves, followed as those of bars alone are (`wave_bar_kernels`).
 
 An end that a contact force F pushes moves with a + F / Z, where a is the wave that arrives. In a
-layer only the mean of the force is asked for, so that its work is F times the way of the end,
-whatever the wave does in the layer. Gravity is left out of the waves: they are those of an observer
-who falls freely, for whom a clamped end rises.
+step only the mean of the force is asked for, so that its work is F times the way of the end,
+whatever the wave does in the step. A layer goes in one step, or in several where other bodies cut
+it; what leaves in all of them becomes the line of the layer. Gravity is left out of the waves: they
+are those of an observer who falls freely, for whom a clamped end rises.
 """
 
 from collections.abc import Mapping
@@ -13,6 +14,7 @@ import numpy as np
 from impactfem.arrays import Floats, Integers
 from impactfem.errors import SceneError
 from impactfem.marching.few import FewInterior
+from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import Sums
 from impactfem.marching.wave_bar_kernels import arriving_means, end_layer, integrals
 from impactfem.marching.waves import Delay, left_ends
@@ -21,6 +23,8 @@ from impactfem.system.few import ElasticBar
 
 _NODES = 200  # elements of the fields
 _NOTHING = np.zeros(0)
+_WHOLE = 1e-9  # of a layer: a step that ends closer to its end ends there
+_EPS = 4.0 * float(np.finfo(float).eps)
 
 
 class WaveBar(FewInterior):
@@ -50,55 +54,110 @@ class WaveBar(FewInterior):
         # Speed [m/s] and way [m] of the observer who falls along the bar.
         self._fallen = np.zeros(2)
         self._arriving, self._pushed = np.zeros(2), np.zeros(2)
+        self._borders, self._pushes = [0.0], list[Floats]()  # of the steps of the layer so far
+        self._speeds = [0.0]  # of the clamped end, to who falls
         self.radiating = np.ones(2, dtype=bool)
         self._across = np.kron(np.eye(2), bodies.axis)  # from forces to those along the bar
-        give = np.diag([1.0, 0.0 if self._clamped else 1.0])
-        self._compliance = dt / bodies.impedance * self._across.T @ give @ self._across
-        self._give = np.diag(give)
+        self._give = np.array([1.0, 0.0 if self._clamped else 1.0])
+        self._answer = self._across.T @ np.diag(self._give) @ self._across
+        self._compliance = dt / bodies.impedance * self._answer
+        self._span, self._last, self._pull = dt, 1.0, 0.0
+        self._unhurt = self._ahead
         self.nodes = np.linspace(0.0, bar.length, _NODES + 1)
         self._initial = self._integrals()[2]
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
-        """Velocities of the ends in the layer without contact forces: both times their mean."""
-        return way / self.dt, way / self.dt
+        """Velocities of the ends in the step without contact forces: both times their mean."""
+        return way / self._span, way / self._span
 
     @property
     def surface_velocity(self) -> Floats:
         """Of the ends, means of the last layer [m/s], (2, dim)."""
         return np.asarray(self._v[:, None] * self.bodies.axis)
 
+    def _unpushed(self, start: float, end: float) -> tuple[Floats, float]:
+        """Mean velocities of the ends without contact forces in a step [m/s]; its end in the layer.
+
+        The layer is that of the last step, or the next one if that has ended.
+        """
+        last = self._borders[-1] + (end - start) / self.dt
+        last = 1.0 if last > 1.0 - _WHOLE else last
+        arriving_means(self._mean, self._rise, self._share, self._borders[-1], last, self._arriving)
+        pull = float(self.gravity(start, end) @ self.bodies.axis)
+        speed = self._fallen[0] + 0.5 * (last - self._borders[-1]) * self.dt * pull
+        return self._give * (self._arriving + speed), last
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where the ends go if nothing pushes [m], (2, dim)."""
+        speeds, _ = self._unpushed(start, end)
+        return self.bodies.places(self._q + (end - start) * speeds) - self._start
+
     def begin(self, start: float, end: float) -> None:
-        """Carry the waves through the layer without contact forces."""
-        arriving_means(self._mean, self._rise, self._share, self._arriving)
+        """Carry the waves through the step without contact forces."""
         self._pull = float(self.gravity(start, end) @ self.bodies.axis)
-        speed = self._fallen[0] + 0.5 * self.dt * self._pull
-        self._ahead = self._give * (self._arriving + speed)
+        self._unhurt, self._last = self._unpushed(start, end)
+        self._span = (self._last - self._borders[-1]) * self.dt
+        self._compliance = self._span / self.bodies.impedance * self._answer
+        self._ahead = self._unhurt
         self._pushed = np.zeros(2)
 
     @property
     def surface_iterate(self) -> Floats:
-        """Displacements of the ends at the end of the layer without contact forces [m]."""
-        return self.bodies.places(self._q + self.dt * self._ahead) - self._start
+        """Displacements of the ends at the end of the step, as it is solved now [m]."""
+        return self.bodies.places(self._q + self._span * self._ahead) - self._start
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
-        """Add the layer's contact forces (2, dim)."""
+        """Add the step's contact forces (2, dim)."""
         self._pushed = self._pushed + self._give * (forces @ self.bodies.axis)
+        self.settle()
+
+    def lay(self, forces: Floats) -> None:
+        """Put the contact forces of the step (2, dim), to be solved for."""
+        self._pushed = self._give * (forces @ self.bodies.axis)
+
+    def settle(self) -> None:
+        """Take what has pushed so far."""
+        self._ahead = self._unhurt + self._pushed / self.bodies.impedance
+
+    def look(self) -> None:
+        """Nothing: ends answer the same at any place."""
+
+    def changed(self, ahead: Floats) -> tuple[float, float, float]:
+        """By how much rates have changed since, what changes them in the step, and rounding."""
+        causes = self._pushed / self.bodies.impedance, self._ahead - self._v, SHARE * self._v
+        largest = float(np.abs(self._mean).max() + np.abs(self._rise).max())
+        size, *sizes = (float(np.abs(each).max()) for each in (self._ahead - ahead, *causes))
+        return size, max(sizes), _EPS * largest
+
+    def advance(self) -> float:
+        """End the step; with the last one of a layer its waves leave. No loads work on it [J]."""
+        self._v = self._ahead
+        self._q = self._q + self._span * self._v
+        self._borders.append(self._last)
+        self._pushes.append(2.0 * (self._pushed / self.bodies.impedance))
+        speed = self._fallen[0]
+        later = speed + self._span * self._pull
+        self._fallen += self._span * np.array([self._pull, 0.5 * (speed + later)])
+        self._speeds.append(-later)
+        if self._last == 1.0:
+            self._leave()
+        return 0.0
+
+    def _leave(self) -> None:
+        """Let the waves of the layer leave."""
+        end_layer(
+            self._mean, self._rise, self._share, self.dt, np.array(self._borders),
+            np.array(self._pushes), self._clamped, np.array(self._speeds),
+        )  # fmt: skip
+        self._borders, self._pushes, self._speeds = [0.0], [], [-self._fallen[0]]
 
     def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
-        """Let the waves of the layer leave and sum up."""
-        dt, speed = self.dt, self._fallen[0]
-        later = speed + dt * self._pull
-        turned = self._pushed / self.bodies.impedance
-        self._v = self._ahead + turned
-        self._q = self._q + dt * self._v
-        held = np.array([-speed, -later])
-        end_layer(self._mean, self._rise, self._share, dt, 2.0 * turned, self._clamped, held)
-        self._fallen += dt * np.array([self._pull, 0.5 * (speed + later)])
-        return self._summed()
+        """End the layer and sum up."""
+        return self.summed(self.advance())
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""
-        return self._summed()
+        return self.summed(0.0)
 
     def shape(self, body: int) -> tuple[Floats, Floats, Integers]:  # noqa: ARG002  (one body)
         """Its axis, undeformed."""
@@ -144,7 +203,8 @@ class WaveBar(FewInterior):
         )  # fmt: skip
         return found
 
-    def _summed(self) -> list[Sums]:
+    def summed(self, work: float) -> list[Sums]:  # noqa: ARG002  (none is done on it)
+        """Sums between two layers."""
         bodies, mass = self.bodies, self.bodies.masses[0]
         none = np.zeros(bodies.dim)
         still = np.zeros(bodies.dim * (bodies.dim - 1) // 2)
@@ -173,3 +233,4 @@ class WaveBar(FewInterior):
         super().remember(memory)
         self._mean, self._rise = memory["means"].copy(), memory["rises"].copy()
         self._fallen = memory["fallen"].copy()
+        self._speeds = [-self._fallen[0]]

@@ -16,13 +16,14 @@ from impactfem.marching.wave_kernels import line, measure
 
 
 @compiled
-def arriving_means(mean, rise, share, means):
-    """Mean of what arrives at each end in the layer to come.
+def arriving_means(mean, rise, share, first, last, means):
+    """Mean of what arrives at each end in a part of the layer to come.
 
     Args:
         mean, rise: Lines that left the ends in the layers of a transit before [m/s], the last one
             in the last column, (2, layers + 1).
         share: What the transit has beyond whole layers.
+        first, last: Where the part begins and ends, as shares of the layer.
         means: Filled, (2,).
     """
     breaks = np.empty(4)
@@ -30,42 +31,54 @@ def arriving_means(mean, rise, share, means):
     for end in range(2):
         means[end] = 0.0
         for q in range(count - 1):
-            x, y = breaks[q], breaks[q + 1]
+            x, y = max(breaks[q], first), min(breaks[q + 1], last)
+            if x >= y:
+                continue
             middle = 0.5 * (x + y)
             a = _arriving(mean[1 - end], rise[1 - end], 1, share, middle, x)
             b = _arriving(mean[1 - end], rise[1 - end], 1, share, middle, y)
             means[end] += 0.5 * (y - x) * (a + b)
+        means[end] /= last - first
 
 
 @compiled
-def end_layer(mean, rise, share, dt, pushed, held, speeds):
+def end_layer(mean, rise, share, dt, borders, pushed, held, speeds):
     """Let the waves of a layer leave: the lines move on by one layer.
 
     Args:
         mean, rise: As in `arriving_means`; the oldest line is dropped, a new one comes last.
         share: See there.
         dt: Layer [s].
-        pushed: 2 F / Z of each end [m/s], (2,).
+        borders: Of the steps in which the layer went, as shares of it: 0, ..., 1, (steps + 1,).
+        pushed: 2 F / Z of each end in each step [m/s], (steps, 2).
         held: Whether the far end is.
-        speeds: Of the far end if it is held, at both ends of the layer [m/s], (2,).
+        speeds: Of the far end if it is held, at the borders [m/s], (steps + 1,).
     """
     breaks = np.empty(4)
     count = _breaks(share, 0.0, breaks)
-    out = np.empty((4, 4))
+    steps = len(pushed)
+    out = np.empty((steps + count, 4))
     last = mean.shape[1] - 1
     found = np.empty((2, 2))
     for end in range(2):
-        for q in range(count - 1):
-            x, y = breaks[q], breaks[q + 1]
-            middle = 0.5 * (x + y)
-            a = _arriving(mean[1 - end], rise[1 - end], 1, share, middle, x)
-            b = _arriving(mean[1 - end], rise[1 - end], 1, share, middle, y)
-            if end == 1 and held:
-                a = 2.0 * (speeds[0] + x * (speeds[1] - speeds[0])) - a
-                b = 2.0 * (speeds[0] + y * (speeds[1] - speeds[0])) - b
-            out[q, 0], out[q, 1] = x * dt, (y - x) * dt
-            out[q, 2], out[q, 3] = a + pushed[end], b + pushed[end]
-        found[end, 0], found[end, 1] = line(out, count - 1, dt)
+        rows = 0
+        for k in range(steps):
+            begin, span = borders[k], borders[k + 1] - borders[k]
+            for q in range(count - 1):
+                x, y = max(breaks[q], begin), min(breaks[q + 1], borders[k + 1])
+                if x >= y:
+                    continue
+                middle = 0.5 * (x + y)
+                a = _arriving(mean[1 - end], rise[1 - end], 1, share, middle, x)
+                b = _arriving(mean[1 - end], rise[1 - end], 1, share, middle, y)
+                if end == 1 and held:
+                    slope = (speeds[k + 1] - speeds[k]) / span
+                    a = 2.0 * (speeds[k] + (x - begin) * slope) - a
+                    b = 2.0 * (speeds[k] + (y - begin) * slope) - b
+                out[rows, 0], out[rows, 1] = x * dt, (y - x) * dt
+                out[rows, 2], out[rows, 3] = a + pushed[k, end], b + pushed[k, end]
+                rows += 1
+        found[end, 0], found[end, 1] = line(out, rows, dt)
     for end in range(2):
         mean[end, :last] = mean[end, 1:].copy()
         rise[end, :last] = rise[end, 1:].copy()

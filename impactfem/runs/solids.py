@@ -58,10 +58,9 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
 """How bodies without meshes are marched."""
 
 _STEPPERS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
-    Lumped: FewMidpoint,
+    **_INTERIORS,
     Rigid: partial(RigidMidpoint, exact=True),
     Arm: partial(MechanismMidpoint, exact=True),
-    Net: NetMidpoint,
     PlateSystem: PlateNewton,
 }
 """The same where steps are solved by iterates."""

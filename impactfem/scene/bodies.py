@@ -56,7 +56,7 @@ class Bar(BodyKind):
     small_strains: ClassVar[bool] = False  # linear at any strain
     meets_edges: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
-    substeps: ClassVar[bool] = False
+    staggers: ClassVar[bool] = False
     settings: ClassVar[tuple[str, ...]] = ("elements",)
     whole_side: ClassVar[tuple[str, ...]] = ("",)
 

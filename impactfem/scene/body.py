@@ -30,7 +30,7 @@ class BodyKind:
         meets_alike: Whether it meets others of its kind by methods of the kind.
         may_meet_nothing: Whether its motion is worth a run where there is nothing to hit.
         settles: Whether it can start in equilibrium (``start = "static"``).
-        substeps: Whether its steps can be of any length, as beside bodies under finite strain.
+        staggers: Whether its steps can end amid those of solids that take explicit ones.
         probed: What a probe in it may keep.
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
         has_surface: Whether it touches at many places what has a surface too.
@@ -59,7 +59,7 @@ class BodyKind:
     meets_alike: ClassVar[bool] = False
     may_meet_nothing: ClassVar[bool] = False
     settles: ClassVar[bool] = False
-    substeps: ClassVar[bool] = True
+    staggers: ClassVar[bool] = True
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
     has_surface: ClassVar[bool] = False

@@ -18,23 +18,10 @@ def check_finite(scene: Content) -> None:
     why = scene.iterated
     if not why:
         return
-    _check_company(scene, why)
     _check_settings(scene, why)
     method = scene.solve.method
     if method is not None and METHODS[method].stable == "limited":
         _check_explicit(scene)
-
-
-def _check_company(scene: Content, why: str) -> None:
-    """Refuse bodies whose steps stay as they are."""
-    for place, body in enumerate(scene.bodies):
-        if not body.substeps:
-            text = (
-                f" = {show(body.kind)}: {body.name} is integrated in steps of fixed size, as its "
-            )
-            text += f"waves or turns ask for, but {why}, and steps are cut where nodes close: give "
-            text += "a solid or a rod instead, or change that."
-            raise KeyedError(f"body[{place}]", "kind", text)
 
 
 def _check_settings(scene: Content, why: str) -> None:

@@ -187,7 +187,7 @@ def _check_explicit(scene: Content, fitting: str) -> None:
     remedy = f"remove it, or give solve.method = {fitting}."
     solids = {solid.name for solid in scene.solids}
     for index, body in enumerate(scene.bodies):
-        if body.name not in solids and (body.has_surface or not body.substeps):
+        if body.name not in solids and (body.has_surface or not body.staggers):
             text = f" = {show(body.kind)}: beside solids in explicit steps {body.name} has none "
             raise KeyedError(f"body[{index}]", "kind", f"{text}that end amid theirs; {remedy}")
     for index, joint in enumerate(scene.joints):

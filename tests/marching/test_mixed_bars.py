@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_scenes import alone, check_restart, differences
+from moving_scenes import FAR, alone, alone_or_beside, check_restart, differences
 from pytest_mpi import parallel_assert
 
 import impactfem
@@ -268,9 +268,60 @@ def several(**output):
                  output={"fields": []} | output)  # fmt: skip
 
 
+RUBBER = FAR | {
+    "name": "rubber", "density": 1000.0,
+    "shape": {"kind": "block", "size": [0.1, 0.1], "corner": [0.0, 0.0]},
+}  # fmt: skip
+
+
+def thrown(duration=0.01, *, strain="finite", speed=0.5, **output):
+    """A bar strikes a block on its axis, amid an element, of which it and a ball rebound."""
+    bar = {"kind": "bar", "name": "bar", "length": 0.2, "density": 1000.0, "youngs_modulus": 1e6,
+           "area": 0.05, "point": [0.055, 0.1005], "axis": [0.0, 1.0],
+           "velocity": -speed}  # fmt: skip
+    ball = point("ball", 0.0) | {"position": [0.02, 0.1001], "velocity": [0.0, -speed]}
+    block = RUBBER if strain == "finite" else dict(RUBBER, strain="small", material="linear")
+    return scene([block, bar, ball], duration, (0.0, 0.0), solve={"dt": 1e-4}, output=output)
+
+
+def test_a_bar_strikes_rubber():
+    """Steps are cut where it closes: energy is kept to rounding; slowly, as on a linear block."""
+    rubber = impactfem.solve(thrown(0.02))
+    energy, momentum = column(rubber, "total_energy"), column(rubber, "bar.vy")
+    assert np.abs(energy - energy[0]).max() < 1e-10 * energy[0]
+    assert momentum[-1] > 0.4
+    assert column(rubber, "gap.rubber.bar").min() > -1e-10
+    slow = [impactfem.solve(thrown(0.02, strain=s, speed=0.01)) for s in ("finite", "small")]
+    here, there = (column(one, "bar.vy") for one in slow)
+    assert np.abs(here - there).max() < 0.01 * 0.01
+
+
+@alone_or_beside
+def test_a_mass_on_a_clamped_bar_beside_what_cuts_steps(beside):
+    """F = Z v exp(-t) until waves come back at 2 L / c; off whole time steps too."""
+    bar = SOFT | {"far_end": "clamped", "point": [0.0, 0.1], "axis": [0.0, 1.0]}
+    ball = point("m", 0.0) | {"position": [0.0, 0.08], "velocity": [0.0, SPEED], "radius": 0.01}
+    far = {"position": [5.0, 5.0], "velocity": [0.0, 0.0]}
+    other = FAR if beside else point("far", 0.0) | far
+    for dt in (0.02, 0.013):
+        result = impactfem.solve(scene([bar, ball, other], 3.1, (0.0, 0.0), solve={"dt": dt}))
+        time = column(result, "time") - 0.01 / SPEED
+        force = column(result, "force.bar.m")[1:] / SPEED
+        middle = 0.5 * (time[1:] + time[:-1])
+        early = (middle > dt) & (middle < 2.0 - 3.0 * dt)
+        assert np.abs(force - np.exp(-middle))[early].max() < (2e-4 if beside else dt)
+        energy = column(result, "total_energy")
+        assert np.abs(energy - energy[0]).max() < (1e-12 if beside else 0.01) * energy[0]
+
+
 @pytest.mark.parallel([1, 2])
 @pytest.mark.slow
-def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
+@pytest.mark.parametrize("case", ["several", "thrown"])
+def test_a_continued_run_equals_the_whole_one(case, tmp_path, monkeypatch):
+    if case == "thrown":
+        whole, _ = check_restart(thrown(checkpoint=20), 63, tmp_path, monkeypatch)
+        assert column(whole, "force.rubber.bar").max() > 0.0
+        return
     case = several(checkpoint=200)
     whole, again = check_restart(case, 500, tmp_path, monkeypatch)
     assert column(whole, "force.bar.beam").max() > 0.0
@@ -278,8 +329,9 @@ def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
 
 
 @pytest.mark.parallel(2)
-def test_ranks_agree(monkeypatch):
-    case = several()
+@pytest.mark.parametrize("case", [several, thrown])
+def test_ranks_agree(case, monkeypatch):
+    case = case()
     with alone(monkeypatch):
         one = impactfem.solve(case)
     found = differences(one, impactfem.solve(case))
