@@ -7,6 +7,7 @@ bodies, of which there are few, and only rank 0 sums them up.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,11 @@ class FewInterior(Watched, Meshless):
     @property
     def coordinates(self) -> Floats:
         """Q now, shape (d,)."""
+        return self._q
+
+    @property
+    def joined_coordinates(self) -> Floats:
+        """Those by which joints hold it, (d,)."""
         return self._q
 
     @property
@@ -351,10 +357,22 @@ class FewMidpoint(FewInterior):
         """The same at its end, as it is solved now."""
         return self._ahead
 
+    rates_left = rates_ahead
+
     @property
     def reach(self) -> Floats:
         """Rates at the end of the layer by unit impulses in it, (d, d)."""
         return self._inverse
+
+    @cached_property
+    def reach_ahead(self) -> Floats:
+        """The same at its end, of impulses that leave no time for anything else, (d, d)."""
+        return np.linalg.inv(self._mass)
+
+    @property
+    def noise(self) -> float:
+        """Rounding of the rates."""
+        return self._noise
 
     def reached(self, forces: Floats) -> Floats:
         """Rates by several contact forces (several, count, dim) for a second, (several, d)."""

@@ -64,16 +64,14 @@ class HeldByRows[B: Coordinates]:
 
 
 class Linear(Coordinates, Counting, Protocol):
-    """Bodies whose stations move with coordinates along lines.
-
-    Attributes:
-        span: Of the step [s].
-    """
-
-    span: float
+    """Bodies whose stations move with coordinates along lines."""
 
     @property
-    def coordinates(self) -> Floats:
+    def span(self) -> float:
+        """Of the step [s]."""
+
+    @property
+    def joined_coordinates(self) -> Floats:
         """At the start of the layer, (d,)."""
 
     @property
@@ -82,11 +80,23 @@ class Linear(Coordinates, Counting, Protocol):
 
     @property
     def rates_ahead(self) -> Floats:
-        """The same at its end, as it is solved now."""
+        """Those that with `rates` make the ways of the layer, as it is solved now."""
+
+    @property
+    def rates_left(self) -> Floats:
+        """Of the coordinates at its end; `rates_ahead` if these move along lines."""
 
     @property
     def reach(self) -> Floats:
         """Rates at the end of the layer by unit impulses in it, (d, d)."""
+
+    @property
+    def reach_ahead(self) -> Floats:
+        """The same at its end, of impulses that leave no time for anything else."""
+
+    @property
+    def noise(self) -> float:
+        """Rounding of rates where it does not answer linearly."""
 
     def set_out(self, start: float, end: float) -> None:
         """Solve a step between two times without forces of contact and joints."""
@@ -115,11 +125,10 @@ class HeldLumped(HeldByRows[Linear]):
             raise NotImplementedError
         self.jumped = False
         self.part, count = part, len(stations.places)
-        self.compliance_ahead = stations.compliance
         self._rows = stations.rows.reshape(6 * count, -1)
         self._places = stations.places
         self._turns = self._ends = stations.turns
-        self._rest = part.coordinates.copy()
+        self._rest = part.joined_coordinates.copy()
         self._wrench = np.zeros(6 * count)
         self._renew()
         moved, turned = np.diag(self._flat).reshape(count, 2, 3).sum(axis=(0, 2))
@@ -129,6 +138,13 @@ class HeldLumped(HeldByRows[Linear]):
     def _renew(self) -> None:
         """How stations answer to impulses in the layer, (6 stations, 6 stations)."""
         self._flat = self._rows @ self.part.reach @ self._rows.T
+
+    @property
+    def compliance_ahead(self) -> Floats:
+        """At its end."""
+        count = len(self._places)
+        flat = self._rows @ self.part.reach_ahead @ self._rows.T
+        return np.asarray(flat.reshape(count, 6, count, 6))
 
     def set_out(self, start: float, end: float) -> None:
         """Take up a step."""
@@ -143,7 +159,7 @@ class HeldLumped(HeldByRows[Linear]):
     @property
     def frames(self) -> tuple[Floats, Floats]:
         """Where the stations are."""
-        return self._moved(self.part.coordinates - self._rest), self._turns
+        return self._moved(self.part.joined_coordinates - self._rest), self._turns
 
     def _rates(self, rates: Floats) -> tuple[Floats, Floats]:
         found = self._each(self._rows @ rates)
@@ -168,24 +184,25 @@ class HeldLumped(HeldByRows[Linear]):
         linear = self.part.impel(self._rows.T @ self._wrench)
         if linear:
             return True
+        self._renew()
         found, size, off = self._rates(self.part.rates_ahead), 0.0, 0.0
         each = zip(found, (motion.speeds, motion.spins), (1.0, self._arm), strict=True)
         for rates, thought, arm in each:
             size = max(size, arm * float(np.abs(rates).max()))
             off = max(off, arm * float(np.abs(rates - thought).max()))
-        return bool(off <= _SETTLED * size + np.finfo(float).tiny)
+        return bool(off <= _SETTLED * size + self.part.noise)
 
     @property
     def places_ahead(self) -> tuple[Floats, Floats]:
         """At the end of the layer."""
         part = self.part
         mean = 0.5 * (part.rates + part.rates_ahead)
-        return self._moved(part.coordinates + part.span * mean - self._rest), self._ends
+        return self._moved(part.joined_coordinates + part.span * mean - self._rest), self._ends
 
     @property
     def rates_ahead(self) -> Floats:
         """In space."""
-        return self._each(self._rows @ self.part.rates_ahead)
+        return self._each(self._rows @ self.part.rates_left)
 
     @property
     def compliance(self) -> Floats:

@@ -9,7 +9,7 @@ momentum stay to rounding. Source: Simo and Gonzalez, Assessment of energy-momen
 schemes for stiff dynamical systems (ASME 93-WA/PVP-4, 1993).
 """
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy.sparse import coo_matrix, diags
@@ -18,11 +18,15 @@ from scipy.sparse.linalg import splu
 from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.marching.few import FewInterior
+from impactfem.marching.followed_tips import FollowedTips
+from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import Sums
 from impactfem.marching.meshless import step_length
+from impactfem.marching.stations import Held
 from impactfem.scene import PiecewiseVector
 from impactfem.system.net import Net
+from impactfem.system.stations import Stations
 
 _MOST = 60  # iterates of a layer
 _SETTLED = 2.0**-51  # their change, as a share of the velocities and of what rounding moves
@@ -62,7 +66,9 @@ class NetMidpoint(FewInterior):
         np.add.at(stiffest, mesh.edges, mesh.stiffness[:, None])
         extent = float(np.abs(self._start).max()) + float(mesh.lengths.max())
         self._rounding = dt * extent * float((stiffest / bodies.node_mass).max())  # [m/s], by eps
-        self._pushed = np.zeros_like(self._v)
+        self._pushed = self._joined = self._kick = np.zeros_like(self._v)
+        self._tips: FollowedTips | None = None
+        self._begun = self._amid = cast("Floats | None", None)  # rows of the tips
         self._factor: Any = None
         self._prepare(self._v)  # a run that goes on asks for answers before its first layer
 
@@ -111,12 +117,13 @@ class NetMidpoint(FewInterior):
 
     def _settle(self, ahead: Floats) -> Floats:
         """Velocities at the end of the layer, by Newton's method with a tangent that is kept."""
+        self._amid = None
         size, last = float(np.abs(ahead).max() + np.abs(self._v).max()), np.inf
         slow = False
         for _ in range(_MOST):
             if slow:
                 self._prepare(ahead)
-            forced = self.span * (self._pull(ahead) + self._weight) + self._pushed
+            forced = self.span * (self._pull(ahead) + self._weight) + self._pushed + self._joined
             change = self._factor.solve(forced - self._mass * (ahead - self._v))
             ahead = ahead + change
             if not np.isfinite(ahead).all():
@@ -149,13 +156,95 @@ class NetMidpoint(FewInterior):
         return self._spread(self._v), self._spread(self._ahead)
 
     def begin(self, start: float, end: float) -> None:
-        """Solve the layer without contact forces."""
+        """Solve the layer without forces of contact and joints."""
         self.span, self._time = step_length(start, end, self.dt), 0.5 * (start + end)
         dim = self._start.shape[1]
         self._weight = self._mass * np.tile(self.gravity(start, end), len(self._q) // dim)
-        self._pushed = np.zeros_like(self._v)
+        self._pushed = self._joined = self._kick = np.zeros_like(self._v)
+        self._begun = None
         self._prepare(self._v)
         self._ahead = self._settle(self._v)
+
+    set_out = begin
+
+    def held(self, stations: Stations) -> Held:
+        """It as joints hold it: by tips, which are its stations."""
+        self._tips = FollowedTips(stations, self.bodies.dim)
+        return HeldLumped(self, self._tips.as_coordinates(stations))
+
+    @property
+    def _held_tips(self) -> FollowedTips:
+        if self._tips is None:
+            raise NotImplementedError
+        return self._tips
+
+    @property
+    def _rows_amid(self) -> Floats:
+        """Rates of the tips by velocities amid the layer, as it is solved now."""
+        if self._amid is None:
+            self._amid = self._held_tips.rows(0.5 * (self._q + self._end(self._ahead)))
+        return self._amid
+
+    @property
+    def joined_coordinates(self) -> Floats:
+        """Places of the tips."""
+        return self._held_tips.places(self._q)
+
+    @property
+    def rates(self) -> Floats:
+        """Of the tips at the start of the layer, (tips,)."""
+        if self._begun is None:
+            self._begun = self._held_tips.rows(self._q)
+        return self._begun @ self._v
+
+    @property
+    def rates_ahead(self) -> Floats:
+        """Those that with `rates` make the ways and turns of the layer, (tips,)."""
+        mean = 0.5 * (self._v + self._ahead)
+        return 2.0 * self._rows_amid @ mean - self.rates
+
+    @property
+    def rates_left(self) -> Floats:
+        """Of the tips at the end of the layer, (tips,)."""
+        return self._held_tips.rows(self._end(self._ahead)) @ self._ahead
+
+    @property
+    def reach(self) -> Floats:
+        """Rates of the tips by unit impulses in the layer, (tips, tips)."""
+        rows = self._rows_amid
+        return np.asarray(rows @ self._factor.solve(np.ascontiguousarray(rows.T)))
+
+    @property
+    def reach_ahead(self) -> Floats:
+        """The same at its end, of impulses that leave no time for anything else."""
+        rows = self._held_tips.rows(self._end(self._ahead))
+        return np.asarray((rows / self._mass) @ rows.T)
+
+    def impel(self, impulse: Floats) -> bool:
+        """Solve the layer with an impulse of joints on the tips; it does not answer linearly."""
+        new = impulse @ self._rows_amid
+        guess = self._ahead + self._factor.solve(new - self._joined)
+        self._joined = new
+        self._ahead = self._settle(guess)
+        return False
+
+    def kick(self, impulse: Floats) -> None:
+        """Let the next layer start with velocities that an impulse on the tips has changed."""
+        self._kick = impulse @ self._held_tips.rows(self._end(self._ahead)) / self._mass
+
+    def reached(self, forces: Floats) -> Floats:
+        """Rates of the tips by several contact forces for a second, (several, tips)."""
+        moved = self._factor.solve(self._on_free(forces).T)
+        return np.asarray(self._rows_amid @ moved).T
+
+    def carried(self, impulses: Floats) -> Floats:
+        """Velocities of the contact nodes by impulses on the tips, (several, count, dim)."""
+        pushed = np.ascontiguousarray((impulses @ self._rows_amid).T)
+        return self._spread(self._factor.solve(pushed).T)
+
+    def _on_free(self, forces: Floats) -> Floats:
+        """Forces (several, count, dim) on free coordinates, (several, d)."""
+        return np.ascontiguousarray(forces[:, self.bodies.free].reshape(len(forces), -1))
 
     @property
     def surface_iterate(self) -> Floats:
@@ -164,14 +253,17 @@ class NetMidpoint(FewInterior):
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Displacements of the contact nodes by several forces; nothing is massless."""
-        pushed = forces[:, self.bodies.free].reshape(len(forces), -1)
-        moved = 0.5 * self.span**2 * self._factor.solve(np.ascontiguousarray(pushed.T)).T
+        moved = 0.5 * self.span**2 * self._factor.solve(self._on_free(forces).T).T
         return self._spread(moved), np.zeros_like(forces)
 
     answers = columns
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
+        self.strike(forces)
+
+    def strike(self, forces: Floats) -> None:
+        """The same."""
         more = self.span * forces[self.bodies.free].ravel()
         self._pushed = self._pushed + more
         self._ahead = self._settle(self._ahead + self._factor.solve(more))
@@ -191,12 +283,18 @@ class NetMidpoint(FewInterior):
         """By how much velocities have changed since, what changes them, and rounding [m/s]."""
         acting = self._pushed / self._mass, self._ahead - self._v, SHARE * self._v
         sizes = [float(np.abs(each).max(initial=0.0)) for each in (self._ahead - ahead, *acting)]
+        return sizes[0], max(sizes[1:]), self.noise
+
+    @property
+    def noise(self) -> float:
+        """Rounding of velocities [m/s]."""
         size = self._rounding + float(np.abs(self._ahead).max() + np.abs(self._v).max())
-        return sizes[0], max(sizes[1:]), _STALLED * _SETTLED * size
+        return _STALLED * _SETTLED * size
 
     def advance(self) -> float:
         """End the step at what was found; no loads work."""
-        self._q, self._v = self._end(self._ahead), self._ahead
+        self._q, self._v = self._end(self._ahead), self._ahead + self._kick
+        self._begun = None
         return 0.0
 
     def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)

@@ -67,6 +67,7 @@ class TippedMidpoint(Midpoint):
         self._touched = np.array([self._answer_of_contact(each) for each in self._by_impulses])
         self.reach = 2.0 / dt * self._of_tips(self._by_impulses).T
         self._by_kicks = self._kicked(pulls, linear_solver)
+        self.reach_ahead, self.noise = self._of_tips(self._by_kicks).T, 0.0
         self._units: dict[int, Floats] = {}  # answers to unit forces
         self._renew()
 
@@ -101,7 +102,7 @@ class TippedMidpoint(Midpoint):
 
     def _renew(self) -> None:
         """Take coordinates and rates of the tips from the body (collective)."""
-        self.coordinates = self._of_tips(self.displacement)
+        self.joined_coordinates = self._of_tips(self.displacement)
         self.rates = self._of_tips(self.velocity)
         self._way = self._joined = self._kick = np.zeros(len(self._rows))
 
@@ -109,15 +110,14 @@ class TippedMidpoint(Midpoint):
         """It as joints hold it."""
         count = len(stations.places)
         rows = np.eye(6 * count)[:, self._moves].reshape(count, 6, -1)
-        flat = rows.reshape(6 * count, -1)
-        ahead = flat @ self._of_tips(self._by_kicks).T @ flat.T
-        ahead = ahead.reshape(count, 6, count, 6)
-        return HeldLumped(self, replace(stations, rows=rows, compliance=ahead))
+        return HeldLumped(self, replace(stations, rows=rows))
 
     @property
     def rates_ahead(self) -> Floats:
         """Rates of the coordinates at the end of the layer, as it is solved now, (d,)."""
         return np.asarray(2.0 / self.dt * self._way - self.rates)
+
+    rates_left = rates_ahead
 
     def set_out(self, start: float, end: float) -> None:
         """Solve a step between two times without forces of contact and joints."""

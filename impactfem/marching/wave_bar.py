@@ -14,17 +14,22 @@ import numpy as np
 from impactfem.arrays import Floats, Integers
 from impactfem.errors import SceneError
 from impactfem.marching.few import FewInterior
+from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import Sums
+from impactfem.marching.stations import Held
 from impactfem.marching.wave_bar_kernels import arriving_means, end_layer, integrals
 from impactfem.marching.waves import Delay, left_ends
 from impactfem.scene import PiecewiseVector
 from impactfem.system.few import ElasticBar
+from impactfem.system.stations import Stations
 
 _NODES = 200  # elements of the fields
 _NOTHING = np.zeros(0)
 _WHOLE = 1e-9  # of a layer: a step that ends closer to its end ends there
 _EPS = 4.0 * float(np.finfo(float).eps)
+_YIELDING = 1e16
+"""Times by which ends give way to what acts in no time more than in a layer: it leaves them."""
 
 
 class WaveBar(FewInterior):
@@ -63,6 +68,7 @@ class WaveBar(FewInterior):
         self._compliance = dt / bodies.impedance * self._answer
         self._span, self._last, self._pull = dt, 1.0, 0.0
         self._unhurt = self._ahead
+        self._joined, self.noise = np.zeros(2), 0.0
         self.nodes = np.linspace(0.0, bar.length, _NODES + 1)
         self._initial = self._integrals()[2]
 
@@ -93,13 +99,68 @@ class WaveBar(FewInterior):
         return self.bodies.places(self._q + (end - start) * speeds) - self._start
 
     def begin(self, start: float, end: float) -> None:
-        """Carry the waves through the step without contact forces."""
+        """Carry the waves through the step without forces of contact and joints."""
         self._pull = float(self.gravity(start, end) @ self.bodies.axis)
         self._unhurt, self._last = self._unpushed(start, end)
         self._span = (self._last - self._borders[-1]) * self.dt
         self._compliance = self._span / self.bodies.impedance * self._answer
         self._ahead = self._unhurt
-        self._pushed = np.zeros(2)
+        self._pushed, self._joined = np.zeros(2), np.zeros(2)
+
+    set_out = begin
+
+    def held(self, stations: Stations) -> Held:
+        """It as joints hold it."""
+        return HeldLumped(self, stations)
+
+    @property
+    def rates(self) -> Floats:
+        """Of the ends, means of the last step [m/s], (2,)."""
+        return self._v
+
+    @property
+    def rates_ahead(self) -> Floats:
+        """Those that with `rates` have the means of the step, as it is solved now [m/s], (2,)."""
+        return 2.0 * self._ahead - self._v
+
+    rates_left = rates_ahead
+
+    @property
+    def span(self) -> float:
+        """Of the step [s]."""
+        return self._span
+
+    @property
+    def reach(self) -> Floats:
+        """Rates of the ends by unit impulses in the step, (2, 2)."""
+        return 2.0 / (self._span * self.bodies.impedance) * np.diag(self._give)
+
+    @property
+    def reach_ahead(self) -> Floats:
+        """The same by what acts in no time, which leaves them: they have no mass."""
+        return _YIELDING * self.reach
+
+    def impel(self, impulse: Floats) -> bool:
+        """Solve the step with an impulse of joints on the ends (2,); it answers linearly."""
+        self._joined = self._give * impulse / self._span
+        self.settle()
+        return True
+
+    def kick(self, impulse: Floats) -> None:
+        """Nothing: see `reach_ahead`."""
+
+    def strike(self, forces: Floats) -> None:
+        """Add the step's contact forces (2, dim)."""
+        self._pushed = self._pushed + self._give * (forces @ self.bodies.axis)
+        self.settle()
+
+    def reached(self, forces: Floats) -> Floats:
+        """Rates by several contact forces (several, 2, dim) for a second, (several, 2)."""
+        return np.asarray(forces @ self.bodies.axis @ self.reach)
+
+    def carried(self, impulses: Floats) -> Floats:
+        """Velocities of the ends by impulses on them, (several, 2, dim)."""
+        return np.asarray((impulses @ self.reach)[..., None] * self.bodies.axis)
 
     @property
     def surface_iterate(self) -> Floats:
@@ -108,8 +169,7 @@ class WaveBar(FewInterior):
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the step's contact forces (2, dim)."""
-        self._pushed = self._pushed + self._give * (forces @ self.bodies.axis)
-        self.settle()
+        self.strike(forces)
 
     def lay(self, forces: Floats) -> None:
         """Put the contact forces of the step (2, dim), to be solved for."""
@@ -117,7 +177,7 @@ class WaveBar(FewInterior):
 
     def settle(self) -> None:
         """Take what has pushed so far."""
-        self._ahead = self._unhurt + self._pushed / self.bodies.impedance
+        self._ahead = self._unhurt + (self._pushed + self._joined) / self.bodies.impedance
 
     def look(self) -> None:
         """Nothing: ends answer the same at any place."""
@@ -134,7 +194,7 @@ class WaveBar(FewInterior):
         self._v = self._ahead
         self._q = self._q + self._span * self._v
         self._borders.append(self._last)
-        self._pushes.append(2.0 * (self._pushed / self.bodies.impedance))
+        self._pushes.append(2.0 * ((self._pushed + self._joined) / self.bodies.impedance))
         speed = self._fallen[0]
         later = speed + self._span * self._pull
         self._fallen += self._span * np.array([self._pull, 0.5 * (speed + later)])

@@ -260,7 +260,7 @@ class Beam(Slender):
         """Half edges and centre [m] of a box around its axis in any rotation."""
         return np.full(self.dim, self.length / 2), np.asarray(self.center, dtype=np.float64)
 
-    def missed(self, place: Floats) -> str | None:
+    def missed(self, place: Floats, part: str) -> str | None:  # noqa: ARG002  (it has none)
         """Joints hold a section along its axis, within its height."""
         along = self.along
         away = place - np.asarray(self.center)

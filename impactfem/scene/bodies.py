@@ -10,7 +10,7 @@ from typing import ClassVar, override
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.scene.body import BodyKind, Solver
+from impactfem.scene.body import BodyKind, Solver, beside
 from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import AFormula, Given
@@ -58,6 +58,10 @@ class Bar(BodyKind):
     meets_alike: ClassVar[bool] = True
     staggers: ClassVar[bool] = False
     settings: ClassVar[tuple[str, ...]] = ("elements",)
+    takes_joints: ClassVar[bool] = True
+    joined_in_steps: ClassVar[bool] = True
+    joined_by_surface: ClassVar[bool] = True
+    parts_in_joints: ClassVar[str] = "far_end"
     whole_side: ClassVar[tuple[str, ...]] = ("",)
 
     name: str = key(Name(), "name of the bar in histories", default="bar")
@@ -131,6 +135,11 @@ class Bar(BodyKind):
     def surface_names(self) -> tuple[str, ...]:
         """Ends that may meet others besides the near one, which its bare name stands for."""
         return ("far_end",) if self.far_end == "free" else ()
+
+    def missed(self, place: Floats, part: str) -> str | None:
+        """Joints hold its ends where they are."""
+        own = self.centreline()[-1 if part else 0]
+        return f"at {show([round(x, 12) for x in own.tolist()])}" if beside(place, own) else None
 
     @property
     def frame(self) -> tuple[Floats, Floats]:

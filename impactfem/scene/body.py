@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
+import numpy as np
+
 from impactfem.arrays import Floats
 from impactfem.scene.flight import Flight
 from impactfem.scene.probes import MOVES
@@ -12,6 +14,13 @@ from impactfem.scene.values import show
 
 JOINED = 1e-9
 """Share of places by which a joint may be beside what it holds."""
+
+
+def beside(place: Floats, own: Floats) -> bool:
+    """Whether a joint at a place is beside one that it should be at, (dim,) each [m]."""
+    return bool(np.abs(own - place).max() > JOINED * max(np.abs(own).max(), np.abs(place).max()))
+
+
 type Solver = Literal["bar", "bar_row", "march", "vibro"]
 """Methods of one bar, of bars in a row, the march, or methods of few degrees of freedom."""
 
@@ -44,7 +53,7 @@ class BodyKind:
         takes_joints: Whether joints hold it.
         joined_in_steps: Whether joints hold it where steps are solved by iterates.
         turns_in_joints: Whether it turns where they do, and directions turn with it.
-        joined_by_surface: Whether joints name a part of it (`arm/hand`), not all of it.
+        joined_whole, joined_by_surface: Whether joints name it, and a part of it (`arm/hand`).
         parts_in_joints: What these are.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
     """
@@ -73,6 +82,7 @@ class BodyKind:
     takes_joints: ClassVar[bool] = False
     joined_in_steps: ClassVar[bool] = False
     turns_in_joints: ClassVar[bool] = True
+    joined_whole: ClassVar[bool] = True
     joined_by_surface: ClassVar[bool] = False
     parts_in_joints: ClassVar[str] = "links"
     whole_side: ClassVar[tuple[str, ...] | None] = None
@@ -82,9 +92,18 @@ class BodyKind:
         """The same with its file read, whose relative path starts at a folder."""
         return self
 
-    def missed(self, place: Floats) -> str | None:  # noqa: ARG002  (it may be anywhere)
-        """Where joints hold it instead of at a place (dim,), in words; None: there."""
+    def missed(self, place: Floats, part: str) -> str | None:  # noqa: ARG002  (anywhere)
+        """Where joints hold it, or a part of a name, instead of at a place (dim,); None: there."""
         return None
+
+    def turns_at(self, part: str) -> bool:  # noqa: ARG002  (all alike)
+        """Whether it, or a part of a name, turns where joints hold it, and directions with it."""
+        return self.turns_in_joints
+
+    @property
+    def joint_parts(self) -> tuple[str, ...] | None:
+        """Names of its parts that joints may hold; None if they are not known yet."""
+        return self.surface_names
 
     @property
     def turns_far(self) -> bool:

@@ -153,11 +153,11 @@ class Content:
     def bars(self) -> tuple[Bar, ...]:
         """The bars of the scene in the order of their axis; none if the march takes them.
 
-        It does beside other bodies, and where a contact gives way, unless a method is asked for
-        that knows the spring of a wall: the bar then has its stiffness.
+        It does beside other bodies, with joints, and where a contact gives way, unless a method is
+        asked for that knows the spring of a wall: the bar then has its stiffness.
         """
         bars = self._all(Bar)
-        if len(bars) != len(self.bodies):
+        if len(bars) != len(self.bodies) or self.joints:
             return ()
         if not self.gives_way:
             return bars

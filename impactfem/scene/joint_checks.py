@@ -55,10 +55,9 @@ def check_joints(scene: Content) -> None:
 
 def _check_turns(scene: Content, where: str, joint: Joint) -> None:
     """Refuse kinds that hold turns of what has none."""
-    still = [
-        body.name for body in scene.bodies
-        if body.name in joint.bodies and not body.turns_in_joints
-    ]  # fmt: skip
+    bodies = {body.name: body for body in scene.bodies}
+    each = (name.partition("/") for name in joint.between or () if name != GROUND)
+    still = [body + slash + on for body, slash, on in each if not bodies[body].turns_at(on)]
     if not still:
         return
     kind, text = joint.kind_of, f" = {show(joint.kind)}: {' and '.join(still)} "
@@ -76,23 +75,20 @@ def _check_places(scene: Content, where: str, joint: Joint) -> None:
     """Refuse places that are not on what is held there."""
     bodies = {body.name: body for body in scene.bodies}
     for side, name in enumerate(joint.between or ()):
-        place = joint.places[side]
-        if (
-            name == GROUND
-            or (near := bodies[side_of(name)[0]].missed(np.asarray(place, dtype=float))) is None
-        ):
+        place, (whole, _, part) = np.asarray(joint.places[side], dtype=float), name.partition("/")
+        if name == GROUND or (near := bodies[whole].missed(place, part)) is None:
             continue
         key = "point" if joint.points is None else f"points[{side}]"
-        text = f" = {show(list(place))} is not on {name}, which joints hold {near}: give a place "
-        raise KeyedError(where, key, f"{text}there.")
+        text = f" = {show(list(joint.places[side]))} is not on {name}, which joints hold {near}: "
+        raise KeyedError(where, key, f"{text}give a place there.")
 
 
 def _check_shared(scene: Content, index: int) -> None:
     """Refuse joints at two places of one surface: each would hold the mean of all of it."""
     joint, bodies = scene.joints[index], {body.name: body for body in scene.bodies}
     for side, name in enumerate(joint.between or ()):
-        whole = bodies.get(side_of(name)[0])
-        if whole is None or not whole.has_surface or not whole.joined_by_surface:
+        body, part = side_of(name)
+        if body not in bodies or not part or bodies[body].parts_in_joints != "surfaces":
             continue
         here = np.asarray(joint.places[side], dtype=float)
         for other in scene.joints[:index]:
@@ -116,13 +112,20 @@ def _check_side(scene: Content, where: str, name: str, between: object) -> None:
         return
     given = f" = {show(list(between))}: "  # type: ignore[call-overload]
     whole, part = side_of(name)
-    if whole in bodies and bodies[whole].joined_by_surface != (part is not None):
-        text = f"{whole} is a {bodies[whole].kind}, "
+    body = bodies.get(whole)
+    if body is not None and not (body.joined_by_surface if part else body.joined_whole):
+        text = f"{whole} is a {body.kind}, "
         if part is None:
-            parts = bodies[whole].parts_in_joints
+            parts = body.parts_in_joints
             text += f"of which joints hold {parts}: give {show(f'{name}/{parts[:-1].upper()}')}."
         else:
             text += f"which joints hold as a whole: give {show(whole)}."
+        raise KeyedError(where, "between", given + text)
+    known = None if body is None or not part else body.joint_parts
+    if part and known is not None and part[0] not in known:
+        near = nearest(part[0], known)
+        meant = f"did you mean {show(near)}? Give" if near else "give"
+        text = f"there is no surface {show(name)}; {meant} one of {', '.join(known) or whole}."
         raise KeyedError(where, "between", given + text)
     if part is not None:
         name = whole

@@ -88,6 +88,7 @@ class Mechanism(BodyKind):
     joined_in_steps: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
     has_links: ClassVar[bool] = True
+    joined_whole: ClassVar[bool] = False
     joined_by_surface: ClassVar[bool] = True
     dim: ClassVar[int] = 3
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.scene.body import JOINED, BodyKind
+from impactfem.scene.body import BodyKind, beside
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import MaybeFormulas, Tables
@@ -159,11 +159,10 @@ class Point(BodyKind):
         """Velocity at t = 0 [m/s], (dim,)."""
         return np.asarray(self.velocity, dtype=np.float64)
 
-    def missed(self, place: Floats) -> str | None:
+    def missed(self, place: Floats, part: str) -> str | None:  # noqa: ARG002  (it has none)
         """Joints hold it where it is."""
         own = np.asarray(self.position, dtype=np.float64)
-        near = JOINED * max(np.abs(own).max(), np.abs(place).max())
-        return None if np.abs(own - place).max() <= near else f"at {show(list(self.position))}"
+        return f"at {show(list(self.position))}" if beside(place, own) else None
 
     @property
     def dim(self) -> int:

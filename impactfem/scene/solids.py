@@ -80,6 +80,7 @@ class Solid(BodyKind):
     has_surface: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
+    joined_whole: ClassVar[bool] = False
     joined_by_surface: ClassVar[bool] = True
     parts_in_joints: ClassVar[str] = "surfaces"
 

@@ -32,6 +32,10 @@ class SpringNet(BodyKind):
     kind: ClassVar[str] = "springs"
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     may_meet_nothing: ClassVar[bool] = True
+    takes_joints: ClassVar[bool] = True
+    joined_in_steps: ClassVar[bool] = True
+    joined_by_surface: ClassVar[bool] = True
+    parts_in_joints: ClassVar[str] = "surfaces"
 
     name: str = key(Name(), "name of the body in histories", default="springs")
     shape: MaybeTable[Block | Disc | Ring] = key(
@@ -118,6 +122,15 @@ class SpringNet(BodyKind):
     def dim(self) -> int:
         """Number of coordinates."""
         return 3 if self.model == "3d" else 2
+
+    @property
+    def joint_parts(self) -> tuple[str, ...] | None:
+        """Surfaces of its shape; None with a mesh file, which names its own."""
+        return None if self.shape is None else self.shape.surface_names()
+
+    def turns_at(self, part: str) -> bool:
+        """A surface does, a mass does not."""
+        return bool(part)
 
     def box(self) -> tuple[Floats, Floats] | None:
         """Half edges and centre [m] of a box around it; None of mesh files."""

@@ -7,7 +7,7 @@ is an `ElasticBar`: its coordinates are the displacements of its ends, between w
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -227,10 +227,12 @@ class Lumped(FewBodies):
                 names.append(name)
                 places.append(place)
                 rows.append(moving)
+        every = np.array(rows)
+        flat = every.reshape(-1, every.shape[-1])
+        answers = np.linalg.solve(self.system.mass(self.position), flat.T)
         return Stations.along(
-            tuple(of), tuple(names), np.array(places), np.array(rows),
-            self.system.mass(self.position), self.velocity,
-        )  # fmt: skip
+            tuple(of), tuple(names), np.array(places), every, answers, self.velocity
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,6 +263,20 @@ class ElasticBar(FewBodies):
     def facing(self) -> Floats:
         """The near end looks back, the far end ahead."""
         return np.array([-1.0, 1.0])
+
+    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+        """Its ends, which move along it and do not turn; rows are of q'."""
+        names = tuple(dict.fromkeys(name for name, _ in asked))
+        ends = np.array([int("/" in name) for name in names])
+        rows = np.zeros((len(names), 6, 2))
+        rows[np.arange(len(names)), : self.dim, ends] = self.axis
+        places = np.zeros((len(names), 3))
+        places[:, : self.dim] = self.places(self.position)[ends]
+        found = Stations.along(
+            tuple(names.index(name) for name, _ in asked), names, places, rows,
+            2.0 / self.masses[0] * rows.reshape(-1, 2).T, self.velocity,
+        )  # fmt: skip
+        return replace(found, given=())
 
     def at(self, x: Floats, moved: Floats) -> Floats:
         """Places [m] of material at x with displacements along the bar, (nodes, dim)."""

@@ -269,7 +269,7 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
     light = np.concatenate([np.zeros(1), *(stations.light for stations in each)])
     inverse = np.where((light > 0.0)[:, None, None], np.linalg.inv(inertia), 0.0)
     dim = scene.dim
-    turning = {body.name: body.turns_in_joints for body in scene.bodies}
+    turning = {body.name: body.turns_at for body in scene.bodies}
     rows = Rows()
     moving, rubbing, stopping = (np.full(len(scene.joints), -1) for _ in range(3))
     coordinates: dict[str, int] = {}
@@ -277,10 +277,10 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
         if joint.between is None:
             continue
         # Directions turn with the first side: a point has none that do.
-        swapped = not turning.get(side_of(joint.between[0])[0], True)
-        turns_both = all(turning.get(name, True) for name in joint.between)
-        made = JointFrame(joint, (at[k, 0], at[k, 1]), places, turns, swapped=swapped)
-        for kind, first, second in made.held(dim, turning=turns_both):
+        sides = [name.partition("/") for name in joint.between]
+        turn = [body not in turning or turning[body](on) for body, _, on in sides]
+        made = JointFrame(joint, (at[k, 0], at[k, 1]), places, turns, swapped=not turn[0])
+        for kind, first, second in made.held(dim, turning=all(turn)):
             made.put(rows, rows.add(k, holds=True), kind, first, second)
         coordinates[joint.name] = len(rows.terms)
         wanted = joint.moves, joint.friction > 0.0, joint.limits is not None

@@ -112,9 +112,11 @@ class Arm(FewBodies):
                 raise named("joint", "between", name, list(links), "link")
         joints = [links[name.partition("/")[2]] for name in names]
         turns, places = tree.poses(self.position, joints)
+        rows = tree.jacobians(self.position, joints)
+        answers = np.linalg.solve(tree.inertia(self.position), rows.reshape(-1, tree.rates).T)
         found = Stations.along(
-            tuple(names.index(name) for name, _ in asked), names, places,
-            tree.jacobians(self.position, joints), tree.inertia(self.position), self.velocity,
+            tuple(names.index(name) for name, _ in asked), names, places, rows, answers,
+            self.velocity,
         )  # fmt: skip
         spins = np.einsum("sji,sj->si", turns, found.spins)
         return replace(

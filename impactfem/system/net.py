@@ -1,18 +1,23 @@
 """Masses and springs as the march takes them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
-from impactfem.errors import MeshError
+from impactfem.errors import MeshError, SceneError
 from impactfem.scene import Scene
+from impactfem.scene.body import beside
 from impactfem.scene.springs import SpringNet
 from impactfem.system.few import FewBodies
+from impactfem.system.link_shapes import named
 from impactfem.system.net_mesh import NetMesh, net_mesh
+from impactfem.system.rigid import in_space
+from impactfem.system.stations import Stations
+from impactfem.system.tips import tip
 
 _STEPS = 10.0  # radians of an edge's vibration in one of the body that steps follow
 _ISOTROPIC = 1e-9  # share of the stiffness by which it may depend on the direction
@@ -54,6 +59,60 @@ class Net(FewBodies):
         if np.abs(moduli - shear * sum(parts)).max() > _ISOTROPIC * shear:
             return None
         return 2.0 * shear * (1.0 + nu), nu
+
+    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+        """One for each mass, and for each surface, which is a tip in the mean.
+
+        Raises:
+            SceneError: No mass is there, or too few are free.
+        """
+        of, keys, places, rows = [], list[tuple[int, ...]](), list[Floats](), list[Floats]()
+        for name, wanted in asked:
+            nodes = self._held_at(name, wanted)
+            if (key := tuple(nodes.tolist())) not in keys:
+                made = self._station(name, nodes)
+                keys.append(key)
+                places.append(made[0])
+                rows.append(made[1])
+            of.append(keys.index(key))
+        names = tuple(asked[of.index(k)][0] for k in range(len(keys)))
+        moving, mass = np.array(rows), np.repeat(self.node_mass[self.free], self.dim)
+        answers = moving.reshape(-1, len(mass)).T / mass[:, None]
+        found = Stations.along(tuple(of), names, np.array(places), moving, answers, self.velocity)
+        return replace(found, freedoms=len(mass), given=())
+
+    def _held_at(self, name: str, wanted: Floats) -> Integers:
+        """Free masses that a joint holds at a place [m], (3,)."""
+        points, surface = self.mesh.points, name.partition("/")[2]
+        if surface:
+            if surface not in self.mesh.surfaces:
+                raise named("joint", "between", name, list(self.mesh.surfaces), "surface")
+            return np.intersect1d(self.mesh.surfaces[surface], self.free)
+        place = wanted[: self.dim]
+        node = int(np.linalg.norm(points - place, axis=1).argmin())
+        if beside(place, points[node]):
+            near = ", ".join(f"{x:.9g}" for x in points[node])
+            raise SceneError(
+                f"joint: no mass of {name} is at ({', '.join(f'{x:.9g}' for x in place)}), which "
+                f"joints hold; give a place of one, the nearest is at ({near}), or a surface"
+            )
+        return np.intersect1d([node], self.free)
+
+    def _station(self, name: str, nodes: Integers) -> tuple[Floats, Floats]:
+        """Place of a station (3,), and its velocity and spin by q', (6, d)."""
+        rows = np.zeros((6, len(self.node_mass), self.dim))
+        if len(nodes) == 1 and "/" not in name:
+            rows[: self.dim, nodes[0]] = np.eye(self.dim)
+            place = in_space(self.mesh.points[nodes[0]])
+        else:
+            made = tip(self.mesh.points[nodes], self.node_mass[nodes])
+            if made is None:
+                raise SceneError(
+                    f'joint.between = "{name}": {len(nodes)} of its masses are not held, too few '
+                    "to tell how it turns; give another one, or a finer mesh"
+                )
+            place, rows[:, nodes] = made
+        return place, rows[:, self.free].reshape(6, -1)
 
     def elastic(self, places: Floats) -> float:
         """Elastic energy of nodes at some places (nodes, dim) [J]."""

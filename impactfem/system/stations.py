@@ -57,7 +57,7 @@ class Stations:
         names: tuple[str, ...],
         places: Floats,
         rows: Floats,
-        mass: Floats,
+        answers: Floats,
         velocity: Floats,
     ) -> "Stations":
         """Of bodies whose places follow coordinates linearly.
@@ -67,13 +67,13 @@ class Stations:
             names: Body of each, (stations,).
             places: Of these [m], (stations, 3).
             rows: Velocities and spins in space by rates of the coordinates, (stations, 6, d).
-            mass: M, (d, d).
+            answers: M^-1 rows^T: rates by unit impulses at the stations, (d, 6 stations).
             velocity: Rates of the coordinates at t = 0, (d,).
         """
         count, rates = len(places), rows @ velocity
         flat = rows.reshape(6 * count, -1)
-        moving = flat @ np.linalg.solve(mass, flat.T)
-        own = np.flatnonzero(np.abs(np.linalg.solve(mass, flat.T)).max(axis=1))
+        moving = flat @ answers
+        own = np.flatnonzero(np.abs(answers).max(axis=1))
         return cls(
             of=of,
             names=names,

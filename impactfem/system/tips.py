@@ -106,32 +106,32 @@ class Tips:
             numbers, points, areas = self.surfaces[name.partition("/")[2]]
             at = np.searchsorted(every, numbers)
             weights = areas * self.free[at]
-            made = _tip(points, weights)
+            made = tip(points, weights)
             if made is None:
                 raise SceneError(
                     f'joint.between = "{name}": {int((weights > 0.0).sum())} of {len(at)} nodes of '
                     "the surface neither touch nor are held, too few to tell how it turns; give a "
                     "finer mesh or another surface, or name the surfaces that touch by [[contact]]"
                 )
-            place, moving = made
+            place, own = made
             row = np.zeros((6, nodes.count, nodes.dim))
-            row[:, at] = moving
+            row[:, at] = own
             places.append(place)
             rows.append(row.reshape(6, -1))
-        moved = nodes.gather(system.displacement).ravel()
+        moved, moving = nodes.gather(system.displacement).ravel(), np.array(rows)
         found = Stations.along(
             tuple(names.index(name) for name, _ in asked),
             names,
             np.array(places) + np.array([(row @ moved)[:3] for row in rows]),
-            np.array(rows),
-            np.diag(np.full(len(moved), system.total_mass / nodes.count)),
+            moving,
+            nodes.count / system.total_mass * moving.reshape(-1, len(moved)).T,
             nodes.gather(system.velocity).ravel(),
         )
         count = int((~gather(system.comm, system.constrained)).sum())
         return replace(found, freedoms=count, given=())
 
 
-def _tip(points: Floats, weights: Floats) -> tuple[Floats, Floats] | None:
+def tip(points: Floats, weights: Floats) -> tuple[Floats, Floats] | None:
     """Place (3,) of a tip and its velocity and spin by those of nodes (6, nodes, dim).
 
     None where its nodes do not tell how it turns.

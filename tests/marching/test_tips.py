@@ -320,7 +320,7 @@ def test_half_of_a_body_is_refused():
 def test_finite_strain_and_starts_at_rest_are_refused():
     scene = landing()
     far = replace(scene.bodies[0], model="plane_strain", strain="finite", material="neo_hookean")
-    kinds = "point and beam and rigid and mechanism"
+    kinds = "bar and point and beam and rigid and mechanism and springs"
     said = rf"joint\[0\].between = .*hold bodies of kind {kinds} where block has finite"
     with pytest.raises(SceneError, match=said):
         replace(scene, bodies=[far, scene.bodies[1]])
