@@ -17,6 +17,7 @@ _TINY = np.finfo(np.float64).tiny
 _FIRST, _MOST = 0.1, 10.0  # compliances of proximal steps, as shares of those that forces have
 _FALLS, _GROWS = 0.25, 2.0  # after a step that Newton's method has found, and another one
 _PROXIMAL = 60
+_PARTED = 1e-9  # share of what parts cones and forces by which it may miss doing so
 
 
 @compiled
@@ -352,9 +353,12 @@ def in_cones(ways, least, bounds, slack, most):
 
     Returns:
         Whether they were found, and the last ones.
+
+    What projections lead apart tends to a combination y of the ways that parts the cones from all
+    forces that do as some do: y . x >= 0 of every x in them, y . least < 0. Then there are none.
     """
     pairs, dim = least.shape
-    force, beyond = least.copy(), np.zeros((pairs, dim))
+    force, beyond, largest = least.copy(), np.zeros((pairs, dim)), np.abs(least).max()
     for _ in range(most):
         inside, near = True, force + beyond
         for j in range(pairs):
@@ -372,5 +376,12 @@ def in_cones(ways, least, bounds, slack, most):
             return True, force
         beyond += force - near
         flat = (near - least).reshape(-1)
-        force = near - (ways @ (ways.T @ flat)).reshape(pairs, dim)
+        off = (ways @ (ways.T @ flat)).reshape(pairs, dim)
+        force, far = near - off, np.abs(off).max()
+        parts = far > slack * largest and (off * least).sum() < -0.5 * (off * off).sum()
+        for j in range(pairs):
+            rub = np.sqrt((off[j, 1:] * off[j, 1:]).sum())
+            parts = parts and off[j, 0] >= bounds[j] * rub - _PARTED * far
+        if parts:
+            break
     return False, force

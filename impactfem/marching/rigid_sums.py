@@ -55,8 +55,11 @@ def applied(matrices: Floats, vectors: Floats) -> Floats:
 
 def about_axes(values: Floats) -> Floats:
     """Spins or moments (..., 3) by these or by those about z, (..., 1)."""
-    missing = 3 - values.shape[-1]
-    return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(missing, 0)]) if missing else values
+    if values.shape[-1] == 3:
+        return values
+    found = np.zeros((*values.shape[:-1], 3))
+    found[..., 3 - values.shape[-1] :] = values
+    return found
 
 
 def on_bodies(moments: Floats, of: NDArray[np.int64], count: int) -> Floats:

@@ -179,8 +179,11 @@ def frame(q: Floats) -> tuple[Floats, Floats]:
 
 def in_space(values: Floats) -> Floats:
     """Vectors with three components, (..., 3), of these or of vectors in the plane."""
-    missing = 3 - values.shape[-1]
-    return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, missing)]) if missing else values
+    if values.shape[-1] == 3:
+        return values
+    found = np.zeros((*values.shape[:-1], 3))
+    found[..., : values.shape[-1]] = values
+    return found
 
 
 @dataclass(frozen=True)
