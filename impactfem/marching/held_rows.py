@@ -57,9 +57,13 @@ class HeldByRows[B: Coordinates]:
 
     def whirled(self, moments: Floats) -> Floats:
         """Nothing: contact has no moments on what does not roll."""
-        return np.zeros_like(moments)
+        return np.zeros((len(moments), len(self._rows) // 6, moments.shape[2]))
 
-    def whirl(self, moment: Floats) -> None:
+    def spun(self, moments: Floats) -> Floats:
+        """Nothing."""
+        return np.zeros((1, 1, 1))
+
+    def whirl(self, moments: Floats) -> None:
         """Nothing."""
 
 

@@ -19,6 +19,7 @@ from impactfem.marching.joint_kernels import FAST, FOUND, joined
 from impactfem.marching.joint_states import JointStates
 from impactfem.marching.layers import Stepper, Sums
 from impactfem.marching.meshless import step_length
+from impactfem.marching.rigid_sums import applied
 from impactfem.marching.stations import Held, Motion
 from impactfem.result.history import LOST
 from impactfem.system.joint_kernels import (
@@ -64,7 +65,7 @@ class Joining[P: Stepper](Bodies[P]):
         self._owns = [self.own(k) for k in places]
         # Sums of the first one held.
         self._first = sum(len(part.inertia()) for part in self.parts[: places[0]])
-        ends = np.cumsum([1, *(len(stations.names) for _, stations in joints.parts)])
+        ends = np.cumsum([1, *(len(body.freedoms) for body in held)])
         self._at = [slice(*both) for both in pairwise(ends)]  # stations of each
         terms, count, each = joints.terms, joints.count, len(joints.joints)
         self._acting = np.zeros(count)
@@ -72,6 +73,12 @@ class Joining[P: Stepper](Bodies[P]):
         self._gradient = joints.gradient
         self._rates = joints.rates_now()
         self._damping = np.array([joint.damping for joint in joints.joints])
+        self._stiffness = np.array([joint.stiffness for joint in joints.joints])
+        self._rest = np.array([joints.rest(joint) for joint in joints.joints])
+        self._shift = np.array([joints.shift(joint) for joint in joints.joints])
+        self._gears = np.array([joint.between is None for joint in joints.joints])
+        self._owner = joints.owner[terms.rows]
+        self._leading = np.unique(self._owner, return_index=True)[1]  # first term of each joint
         self._struck = False
         reach = np.abs(joints.places).max() + np.abs(terms.arms).max(initial=0.0)
         reach = float(reach) or 1.0
@@ -103,9 +110,8 @@ class Joining[P: Stepper](Bodies[P]):
 
     def _stored(self, terms: Floats) -> float:
         """Energy in the springs [J]."""
-        joints, rows = self._joints, self._coordinates(terms)
-        each = zip(joints.joints, joints.moving, strict=True)
-        return float(sum(0.5 * j.stiffness * (rows[r] - joints.rest(j)) ** 2 for j, r in each))
+        rows = self._coordinates(terms)[self._joints.moving]
+        return float((0.5 * self._stiffness * (rows - self._rest) ** 2).sum())
 
     def _join(self) -> None:
         """Solve the layer of the bodies that joints hold, with what has pushed so far."""
@@ -183,15 +189,12 @@ class Joining[P: Stepper](Bodies[P]):
         """Displacements of all nodes and turns of their bodies by moments; see `Bodies`."""
         moved, turned = super().twisted(moments)
         first = 6 - moments.shape[2]
-        rates = []
-        for body, own, at in zip(self._held, self._owns, self._at, strict=True):
-            rates.append(np.zeros((len(moments), at.stop - at.start, 6)))
-            rates[-1][..., first:] = body.whirled(moments[:, own].sum(axis=1))[:, None]
-        back = self._taken_back(rates)
+        each = zip(self._held, self._owns, strict=True)
+        spun = [body.whirled(moments[:, own]) for body, own in each]
+        back = self._taken_back([np.pad(rates, [(0, 0), (0, 0), (first, 0)]) for rates in spun])
         self._move(moved, back)
         for body, own, at in zip(self._held, self._owns, self._at, strict=True):
-            spun = body.whirled(back[:, at, first:].sum(axis=1))
-            turned[:, own] += 0.5 * self.span * spun[:, None]
+            turned[:, own] += 0.5 * self.span * body.spun(back[:, at, first:])
         return moved, turned
 
     def _move(self, moved: Floats, impulses: Floats) -> None:
@@ -274,21 +277,19 @@ class Joining[P: Stepper](Bodies[P]):
         twists = np.hstack([speeds, np.einsum("sij,sj->si", turns, spins)])
         each = np.einsum("tsk,tsk->t", now, twists[t.bodies])
         self._rates = t.sums(each, joints.count)
+        moves = joints.moving >= 0
+        self._shown[moves, 0] = rows[joints.moving[moves]] + self._shift[moves]
+        self._shown[moves, 1] = self._rates[joints.moving[moves]]
         acting = self._acting[t.rows] * t.shares / dt
-        for k, joint in enumerate(joints.joints):
-            own = joints.owner[t.rows] == k
-            wrench = (acting[own, None] * self._gradient[own, 1]).sum(axis=0)
-            row = joints.moving[k]
-            if row >= 0:
-                self._shown[k, :2] = rows[row] + joints.shift(joint), self._rates[row]
-            if joint.between is None:
-                self._shown[k, 2] = acting[own][-1]
-                continue
-            at = np.flatnonzero(own)[0]
-            arm = self._middles[t.bodies[at, 1]] @ t.arms[at, 1]
-            moment = wrench[3:] - np.cross(arm, wrench[:3])
-            about = moment[2] if joint.dim == 2 else np.linalg.norm(moment)
-            self._shown[k, 2:4] = np.linalg.norm(wrench[:3]), about
+        wrenches = np.zeros((len(moves), 6))
+        np.add.at(wrenches, self._owner, acting[:, None] * self._gradient[:, 1])
+        forces, first = wrenches[:, :3], self._leading
+        arms = applied(self._middles[t.bodies[first, 1]], t.arms[first, 1])
+        moments = wrenches[:, 3:] - np.cross(arms, forces)
+        about = moments[:, 2] if self._dim == 2 else np.linalg.norm(moments, axis=1)
+        self._shown[:, 2], self._shown[:, 3] = np.linalg.norm(forces, axis=1), about
+        for k in np.flatnonzero(self._gears):
+            self._shown[k, 2:4] = acting[self._owner == k][-1], 0.0
 
     def told(self) -> dict[str, dict[str, float]]:
         """Columns of the joints; those without a coordinate have forces only."""

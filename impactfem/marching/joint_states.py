@@ -75,6 +75,15 @@ class JointStates:
         self.slides = np.sign(np.where(joints.rubbing < 0, 0.0, rates[joints.rubbing]))
         self.stops = np.zeros(len(joints.joints))
         self.motors = {k: Motor(StepMean(j.motor)) for k, j in enumerate(joints.joints) if j.motor}
+        self._still = np.zeros((joints.count, 3))  # laws that do not change
+        self._still[:, 1] = 1.0
+        self._still[joints.holding] = 1.0, 0.0, 0.0
+        self._soft = np.flatnonzero(joints.holding & ~joints.hard)
+        self._moving = np.flatnonzero(joints.moving >= 0)
+        self._changing = np.flatnonzero((joints.rubbing >= 0) | (joints.stopping >= 0))
+        # Stiffness, damping and what acts where the coordinate is 0, of each joint.
+        each = [(j.stiffness, j.damping, j.stiffness * joints.rest(j)) for j in joints.joints]
+        self._acting = np.array(each).T
 
     def laws(self, begun: Floats, rates: Floats) -> Floats:
         """a, b, c of all rows; see `impactfem.marching.joint_kernels`.
@@ -84,24 +93,24 @@ class JointStates:
             rates: Their rates there, (rows,).
         """
         joints, dt = self._joints, self.span
-        laws = np.zeros((joints.count, 3))
-        laws[:, 1] = 1.0
-        laws[joints.holding] = 1.0, 0.0, 0.0
-        for row in np.flatnonzero(joints.holding):
+        laws = self._still.copy()
+        for row in self._soft:
             if (soft := joints.joints[joints.owner[row]].soft) is not None:
                 missing = begun[row] - joints.start[row]
                 laws[row, 1:] = soft.cfm, -(1.0 - soft.erp) * missing
-        for k, (joint, row) in enumerate(zip(joints.joints, joints.moving, strict=True)):
-            if row < 0:
-                continue
-            q, k_all, d_all = begun[row], joint.stiffness, joint.damping
-            given = joint.stiffness * joints.rest(joint)
-            if (motor := self.motors.get(k)) is not None:
-                # Its coordinate counts from where the joint says.
-                given += motor.constant - motor.stiffness * joints.shift(joint)
-                k_all, d_all = k_all + motor.stiffness, d_all + motor.damping
-            half = 0.5 * k_all
-            laws[row] = half + d_all / dt, 1.0 / dt, (half - d_all / dt) * q - given
+        own = joints.moving[self._moving]
+        stiffness, damping, given = self._acting.copy()
+        for k, motor in self.motors.items():
+            # Its coordinate counts from where the joint says.
+            given[k] += motor.constant - motor.stiffness * joints.shift(joints.joints[k])
+            stiffness[k] += motor.stiffness
+            damping[k] += motor.damping
+        half, slow = 0.5 * stiffness[self._moving], damping[self._moving] / dt
+        laws[own, 0], laws[own, 1] = half + slow, 1.0 / dt
+        laws[own, 2] = (half - slow) * begun[own] - given[self._moving]
+        for k in self._changing:
+            joint, row = joints.joints[k], joints.moving[k]
+            q = begun[row]
             if (own := joints.rubbing[k]) >= 0:
                 sliding = self.slides[k] * dt * joint.friction
                 stopping = 1.0, 0.0, -(q + 0.5 * dt * rates[row])
@@ -149,7 +158,8 @@ class JointStates:
     ) -> bool:
         """Change laws that are wrong, or the first one; whether there are any."""
         joints, dt, found = self._joints, self.span, False
-        for k, (joint, row) in enumerate(zip(joints.joints, joints.moving, strict=True)):
+        for k in self._changing:
+            joint, row = joints.joints[k], joints.moving[k]
             slides, stops = self.slides[k], self.stops[k]
             rate = 2.0 * (ended[row] - begun[row]) / dt - rates[row]
             if (own := joints.rubbing[k]) >= 0:

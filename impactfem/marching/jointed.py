@@ -70,7 +70,7 @@ class Jointed(Joining[Interior], Composite):
         others = moments.copy()
         for body, own in zip(self._held, self._owns, strict=True):
             others[own] = 0.0
-            body.whirl(moments[own].sum(axis=0))
+            body.whirl(moments[own])
         super().twist(others)
         self._struck = True
         self._join()

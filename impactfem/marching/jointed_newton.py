@@ -96,7 +96,7 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
         """Add moments of contact on what joints hold."""
         for part, body in zip(self._steppers, self._held, strict=True):
             if (new := part.fresh_twists()) is not None:
-                body.whirl(new.sum(axis=0))
+                body.whirl(new)
 
     def accept(self) -> None:
         """End the step of all; where limits have turned rates, these keep to the joints."""

@@ -286,6 +286,11 @@ class RigidBodies(Meshless):
         return self._mass[:, 0]
 
     @property
+    def inertias(self) -> Floats:
+        """Along the axes of the bodies [kg m^2], (bodies, 3, 3)."""
+        return self._inertia
+
+    @property
     def shapes(self) -> tuple[Rigid, ...]:
         """The bodies."""
         return self._bodies

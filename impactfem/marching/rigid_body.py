@@ -39,7 +39,7 @@ class RigidMidpoint(Pictured):
 
     @classmethod
     def step_together(cls, alike: Sequence[FewInterior]) -> None:
-        """Step bodies that nothing joins at once."""
+        """Step bodies at once."""
         each = cast("Sequence[RigidMidpoint]", alike)
         march = each[0]._marched([part.bodies for part in each])  # noqa: SLF001
         for k, part in enumerate(each):
@@ -64,9 +64,9 @@ class RigidMidpoint(Pictured):
         """Of its contact nodes [m/s], (count, dim)."""
         return self._march.surface_velocity[self._own]
 
-    def held(self, stations: Stations) -> Held:
-        """It as joints hold it."""
-        return HeldRigid(self._march, stations)
+    def held(self, stations: Stations) -> Held:  # noqa: ARG002  (it is one)
+        """All that are stepped with it, as joints hold them."""
+        return HeldRigid(self._march)
 
     def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
         """Fields at these places now: displacement [m], velocity [m/s], (nodes, dim)."""

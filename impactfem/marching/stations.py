@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.system.stations import Stations
+from impactfem.marching.rigid_sums import applied, on_bodies
 
 if TYPE_CHECKING:
     from impactfem.marching.rigid import RigidBodies
@@ -88,7 +88,10 @@ class Held(Protocol):
 
     @property
     def compliance(self) -> Floats:
-        """Rates in space by unit impulses in the layer, (stations, 6, stations, 6); 0 of rigid."""
+        """Rates in space by unit impulses in the layer, (stations, 6, stations, 6).
+
+        Rigid bodies have none: (stations, 0).
+        """
 
     @property
     def compliance_ahead(self) -> Floats:
@@ -108,10 +111,13 @@ class Held(Protocol):
         """Add the impulses of contact forces (count, dim), to be solved for."""
 
     def whirled(self, moments: Floats) -> Floats:
-        """Spins of the body by moments (several, turns) on it [1/s], (several, turns)."""
+        """Spins by moments (several, count, turns) on nodes [1/s], (several, stations, turns)."""
 
-    def whirl(self, moment: Floats) -> None:
-        """Add the impulse of a moment (turns,), to be solved for."""
+    def spun(self, moments: Floats) -> Floats:
+        """The same of nodes by moments on stations, (several, count, turns); 0 may be broadcast."""
+
+    def whirl(self, moments: Floats) -> None:
+        """Add the impulses of moments on nodes (count, turns), to be solved for."""
 
     def leave(self, wrenches: Floats) -> None:
         """Let the next layer start with rates that impulses (stations, 6) have changed."""
@@ -127,18 +133,17 @@ class Held(Protocol):
 
 
 class HeldRigid:
-    """A rigid body: one station.
+    """Rigid bodies that are stepped together: a station each.
 
     Attributes:
-        part: The body.
+        part: The bodies.
         jumped: Never.
     """
 
-    def __init__(self, part: "RigidBodies", stations: Stations) -> None:
-        """Hold it."""
-        self.jumped = False
-        self.part, self._light, self._inertia = part, stations.light[0], stations.inertia[0]
-        self.compliance = self.compliance_ahead = stations.compliance
+    def __init__(self, part: "RigidBodies") -> None:
+        """Hold them."""
+        self.jumped, self.part, self._light = False, part, 1.0 / part.masses[:, None]
+        self.compliance = self.compliance_ahead = np.zeros((len(self._light), 0))
 
     def set_out(self, start: float, end: float) -> None:
         """Take up a step."""
@@ -146,16 +151,16 @@ class HeldRigid:
 
     @property
     def frames(self) -> tuple[Floats, Floats]:
-        """Its centre and rotation."""
+        """Their centres and rotations."""
         return self.part.frame
 
     @property
     def rates(self) -> tuple[Floats, Floats]:
-        """Of its centre."""
+        """Of their centres."""
         return self.part.rates
 
     def impulses(self) -> tuple[Floats, Floats]:
-        """On its centre."""
+        """On their centres."""
         return self.part.impulses()
 
     def take(self, motion: Motion) -> bool:
@@ -175,8 +180,8 @@ class HeldRigid:
     @property
     def rates_ahead(self) -> Floats:
         """In space."""
-        speed, spin = self.part.rates_ahead
-        return np.hstack([speed, spin @ self.part.end[0].T])
+        speeds, spins = self.part.rates_ahead
+        return np.hstack([speeds, applied(self.part.end, spins)])
 
     @property
     def freedoms(self) -> Floats:
@@ -184,16 +189,15 @@ class HeldRigid:
         return self.part.freedom
 
     def _moved(self, wrenches: Floats) -> Floats:
-        return np.concatenate(
-            [self._light * wrenches[..., :3], wrenches[..., 3:] @ self.part.freedom[0].T], axis=-1
-        )
+        turned = applied(self.part.freedom, wrenches[..., 3:])
+        return np.concatenate([self._light * wrenches[..., :3], turned], axis=-1)
 
     def reached(self, forces: Floats) -> Floats:
-        """By force and moment about its centre."""
+        """By forces and moments about their centres."""
         return self._moved(self.part.wrenches(forces))
 
     def carried(self, wrenches: Floats) -> Floats:
-        """With its centre and its turn."""
+        """With their centres and turns."""
         return self.part.carried(self._moved(wrenches))
 
     def strike(self, forces: Floats) -> None:
@@ -201,22 +205,30 @@ class HeldRigid:
         self.part.strike(forces)
 
     def whirled(self, moments: Floats) -> Floats:
-        """About its centre."""
-        first = 3 - moments.shape[-1]
-        return np.asarray(moments @ self.part.freedom[0, first:, first:])
+        """About their centres."""
+        return self._whirled(on_bodies(moments, self.part.apart, len(self._light)))
 
-    def whirl(self, moment: Floats) -> None:
-        """Add a moment."""
-        self.part.whirl(moment[None])
+    def _whirled(self, moments: Floats) -> Floats:
+        first = 3 - moments.shape[-1]
+        return applied(self.part.freedom[:, first:, first:], moments)
+
+    def spun(self, moments: Floats) -> Floats:
+        """With their turns."""
+        return self._whirled(moments)[:, self.part.apart]
+
+    def whirl(self, moments: Floats) -> None:
+        """Add moments."""
+        self.part.whirl(on_bodies(moments[None], self.part.apart, len(self._light))[0])
 
     def leave(self, wrenches: Floats) -> None:
-        """Change its rates at the end."""
-        (speed, spin), end = self.part.rates_ahead, self.part.end[0]
-        turned = np.linalg.solve(self._inertia, end.T @ wrenches[0, 3:])
-        self.part.leave(speed + self._light * wrenches[:, :3], spin + turned)
+        """Change their rates at the end."""
+        (speeds, spins), end = self.part.rates_ahead, self.part.end
+        own = applied(end.swapaxes(1, 2), wrenches[:, 3:])
+        turned = np.linalg.solve(self.part.inertias, own[..., None])[..., 0]
+        self.part.leave(speeds + self._light * wrenches[:, :3], spins + turned)
 
     def finish(self) -> None:
-        """Nothing: it knows where it is."""
+        """Nothing: they know where they are."""
 
     def memory(self) -> dict[str, Floats]:
         """Nothing."""

@@ -39,6 +39,7 @@ from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
 from impactfem.marching.staggered import Staggered
 from impactfem.marching.static_start import Arms
+from impactfem.marching.stations import Held
 from impactfem.marching.time_loop import LoopSettings, TimeLoop
 from impactfem.marching.tipped import TippedMidpoint
 from impactfem.marching.wave_bar import WaveBar
@@ -259,7 +260,7 @@ class _Making:
         ]
         interior: NewtonStepper = bodies[0] if self.alone else NewtonBodies([*bodies, *beside])
         if joints is not None:
-            held = [self.few[at - first].held(own) for at, own in joints.parts]
+            held = _held([(self.few[at - first], own) for at, own in joints.parts])
             interior = JointedNewton([*bodies, *beside], joints, held)
         started = self._brought_to_rest(bodies, interior)
         return started, interior, NewtonMarch(interior, self._beginning(started))
@@ -276,7 +277,7 @@ class _Making:
                 tips[k] = _tipped(*parts, self.dt, kind, model.tips[k].nodes, tipped[k])
             solids.append(tips.get(k) or _interior(*parts, self.scheme, self.dt, kind))
         steppers, movable = _steppers(model, few), [_free(*parts[:2]) for parts in self.each]
-        held = [(tips.get(at) or few[at - len(solids)]).held(own) for at, own in holds]
+        held = _held([(tips.get(at) or few[at - len(solids)], own) for at, own in holds])
         amid = self.scheme.explicit and steppers  # bodies whose steps end amid layers
         inner, free = (steppers, []) if amid else ([*solids, *steppers], movable)
         joined = Composite(inner, free) if joints is None else Jointed(inner, free, joints, held)
@@ -293,15 +294,24 @@ class _Making:
 
 
 def _steppers(model: SolidsModel, few: Sequence[Marched]) -> list[Interior]:
-    """What steps bodies without meshes: those of a kind that follow each other without joints."""
+    """What steps bodies without meshes: those of a kind that follow each other, held or not."""
     joined, first = set(), len(model.parts)
     if model.joints is not None:
         joined = {place - first for place, _ in model.joints.parts}
     kinds = [type(part) for part in few]
-    for (made, held), places in groupby(range(len(few)), lambda k: (kinds[k], k in joined)):
-        if not held:
-            made.step_together([few[k] for k in places])
+    for (made, _), places in groupby(range(len(few)), lambda k: (kinds[k], k in joined)):
+        made.step_together([few[k] for k in places])
     return list(dict.fromkeys(part.stepper for part in few))
+
+
+def _held(each: Sequence[tuple[Any, Stations]]) -> list[Held]:
+    """What joints hold, in order; bodies that are stepped together are held at once."""
+    found = dict[Any, Held]()
+    for body, stations in each:
+        stepper = getattr(body, "stepper", body)
+        if stepper not in found:
+            found[stepper] = body.held(stations)
+    return list(found.values())
 
 
 def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:
