@@ -59,7 +59,7 @@ class HeldByRows[B: Coordinates]:
         """Nothing: contact has no moments on what does not roll."""
         return np.zeros((len(moments), len(self._rows) // 6, moments.shape[2]))
 
-    def spun(self, moments: Floats) -> Floats:
+    def spun(self, moments: Floats) -> Floats:  # noqa: ARG002  (of rigid bodies)
         """Nothing."""
         return np.zeros((1, 1, 1))
 

@@ -20,6 +20,7 @@ from impactfem.marching.joint_states import JointStates
 from impactfem.marching.layers import Stepper, Sums
 from impactfem.marching.meshless import step_length
 from impactfem.marching.rigid_sums import applied
+from impactfem.marching.rubbing import crossed
 from impactfem.marching.stations import Held, Motion
 from impactfem.result.history import LOST
 from impactfem.system.joint_kernels import (
@@ -29,6 +30,8 @@ from impactfem.system.joint_kernels import (
     delassus,
     least,
     sizes_of,
+    term_rates,
+    wrenches,
 )
 from impactfem.system.joints import Joints
 from impactfem.system.stations import couples
@@ -171,12 +174,10 @@ class Joining[P: Stepper](Bodies[P]):
 
     def _wrenches(self, acting: Floats) -> Floats:
         """Impulses on the stations by those of the rows (..., rows), (..., stations, 6)."""
-        joints, terms = self._joints, self._joints.terms
-        weighed = self._gradient * terms.shares[:, None, None]
-        found = np.zeros((len(joints.names), *acting.shape[:-1], 6))
-        each = acting[..., terms.rows, None, None] * weighed
-        np.add.at(found, terms.bodies, np.moveaxis(each, (-3, -2), (0, 1)))
-        return np.moveaxis(found, 0, -2)
+        count, t = len(self._joints.names), self._joints.terms
+        each = acting.reshape(-1, acting.shape[-1])
+        found = wrenches(each, self._gradient, t.rows, t.shares, t.bodies, count)
+        return np.asarray(found.reshape(*acting.shape[:-1], count, 6))
 
     def _held_back(self, moved: Floats, forces: Floats) -> None:
         """Take back what joints do not let move of answers to forces (several, count, dim)."""
@@ -273,23 +274,22 @@ class Joining[P: Stepper](Bodies[P]):
         rows = self._coordinates(terms)
         places, turns = self._starts()
         now = at_gradients(t.kinds, t.bodies, t.arms, t.axes, places, turns, terms)
-        speeds, spins = _stacked([_STILL, *(body.rates for body in self._held)])
-        twists = np.hstack([speeds, np.einsum("sij,sj->si", turns, spins)])
-        each = np.einsum("tsk,tsk->t", now, twists[t.bodies])
-        self._rates = t.sums(each, joints.count)
+        moving = _stacked([_STILL, *(body.rates for body in self._held)])
+        self._rates = t.sums(term_rates(now, t.bodies, turns, *moving), joints.count)
         moves = joints.moving >= 0
         self._shown[moves, 0] = rows[joints.moving[moves]] + self._shift[moves]
         self._shown[moves, 1] = self._rates[joints.moving[moves]]
-        acting = self._acting[t.rows] * t.shares / dt
-        wrenches = np.zeros((len(moves), 6))
-        np.add.at(wrenches, self._owner, acting[:, None] * self._gradient[:, 1])
-        forces, first = wrenches[:, :3], self._leading
+        acting, first = self._acting / dt, self._leading
+        each = acting[None], self._gradient[:, 1:], t.rows, t.shares, self._owner[:, None]
+        (pushes,) = wrenches(*each, len(moves))
+        forces = pushes[:, :3]
         arms = applied(self._middles[t.bodies[first, 1]], t.arms[first, 1])
-        moments = wrenches[:, 3:] - np.cross(arms, forces)
+        moments = pushes[:, 3:] - crossed(arms, forces)
         about = moments[:, 2] if self._dim == 2 else np.linalg.norm(moments, axis=1)
         self._shown[:, 2], self._shown[:, 3] = np.linalg.norm(forces, axis=1), about
         for k in np.flatnonzero(self._gears):
-            self._shown[k, 2:4] = acting[self._owner == k][-1], 0.0
+            at = np.flatnonzero(self._owner == k)[-1]
+            self._shown[k, 2:4] = acting[t.rows[at]] * t.shares[at], 0.0
 
     def told(self) -> dict[str, dict[str, float]]:
         """Columns of the joints; those without a coordinate have forces only."""

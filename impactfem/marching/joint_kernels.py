@@ -17,7 +17,7 @@ Cayley's rotation of the T that their spins make, so that joints do the same wor
 import numpy as np
 
 from impactfem.compiled import compiled
-from impactfem.marching.turn_kernels import cayley, cross, inverted, skew
+from impactfem.marching.turn_kernels import inverted, turned_by
 from impactfem.system.joint_kernels import (
     ANGLE,
     DOT,
@@ -28,6 +28,7 @@ from impactfem.system.joint_kernels import (
     solved,
     values,
 )
+from impactfem.system.vector_kernels import across, add, by, crossed, dot, less, plus, put
 
 FOUND, FAST, UNSETTLED = range(3)
 """How a layer ended: found; a body turns too far; no solution."""
@@ -58,17 +59,58 @@ def _bent(kinds, rows, bodies, gradient, shares, acting, arms, axes, end, count)
             body = bodies[t, side]
             if kinds[t] == DOT:
                 # w x u on the second body, u x w on the first one: u and w turn.
-                turning = end[body] @ axes[t, side]
-                other = end[bodies[t, 1 - side]] @ axes[t, 1 - side]
+                turning = by(end[body], axes[t, side])
+                other = by(end[bodies[t, 1 - side]], axes[t, 1 - side])
             else:
-                turning, other = end[body] @ arms[t, side], gradient[t, side, :3].copy()
-            found[body] += size * (np.outer(turning, other) - (turning @ other) * np.eye(3))
+                way = gradient[t, side]
+                turning, other = by(end[body], arms[t, side]), (way[0], way[1], way[2])
+            along = dot(turning, other)
+            for i in range(3):
+                for j in range(3):
+                    found[body, i, j] += size * turning[i] * other[j]
+                found[body, i, i] -= size * along
     return found
 
 
 @compiled
+def _times(one, two, found):
+    """The product of two matrices (3, 3), written."""
+    for i in range(3):
+        for j in range(3):
+            found[i, j] = one[i, 0] * two[0, j] + one[i, 1] * two[1, j] + one[i, 2] * two[2, j]
+
+
+@compiled
+def _tangent(inertia, half, bend, turning, by_moment, bent, found):
+    """How what is off in a layer of a body's rotation changes with its spin, (3, 3); written.
+
+    Args:
+        inertia: (3, 3).
+        half: T / 2.
+        bend: dt / 2 (J W_m + own / 2), of which the vector product is taken off.
+        turning: Half the way that the body turns by its spin, in space, (3, 3).
+        by_moment: From impulses of moments in space, (3, 3).
+        bent: See `_bent`, (3, 3).
+    """
+    inner = np.empty((3, 3))
+    _times(bent, turning, inner)
+    _times(by_moment, inner, found)
+    for j in range(3):
+        own = (inertia[0, j], inertia[1, j], inertia[2, j])
+        along = crossed(half, own)
+        for i in range(3):
+            found[i, j] = own[i] + along[i] - found[i, j]
+    found[0, 1] += bend[2]
+    found[0, 2] -= bend[1]
+    found[1, 0] -= bend[2]
+    found[1, 2] += bend[0]
+    found[2, 0] += bend[1]
+    found[2, 1] -= bend[0]
+
+
+@compiled
 def joined(
-    kinds, rows, bodies, arms, axes, across, shares, offsets,
+    kinds, rows, bodies, arms, axes, sides, shares, offsets,
     laws, start, spins, impulses, given, before, moments, elastic, dt, sizes, redundant,
 ):  # fmt: skip
     """The layer of bodies under impulses of others and those of their joints.
@@ -76,7 +118,7 @@ def joined(
     Newton's iterates in spins and impulses: arms turn with bodies, whose inertia may be small.
 
     Args:
-        kinds, bodies, arms, axes, across: Of the terms; see `impactfem.system.joint_kernels`.
+        kinds, bodies, arms, axes, sides: Of the terms; see `impactfem.system.joint_kernels`.
         rows, shares: The row of each term, and its factor there, (terms,).
         offsets: Taken from the rows, (rows,).
         laws: a, b, c of the rows, (rows, 3).
@@ -142,13 +184,17 @@ def joined(
                 state = FAST
                 break
             halves[body] = half
-            ends[body] = start[1][body] @ cayley(half)
-            middles[body] = 0.5 * (start[1][body] + ends[body])
-            turned[body] = 2.0 * (start[1][body] @ half)
-            places[body] = start[0][body] + 0.5 * dt * (spins[0][body] + speeds[body])
+            turned_by(start[1][body], half, ends[body])
+            put(by(start[1][body], half), 2.0, turned[body])
+            for i in range(3):
+                places[body, i] = start[0][body, i] + 0.5 * dt * (
+                    spins[0][body, i] + speeds[body, i]
+                )
+                for j in range(3):
+                    middles[body, i, j] = 0.5 * (start[1][body, i, j] + ends[body, i, j])
         if state == FAST:
             break
-        at_end = values(kinds, bodies, arms, axes, across, places, ends, before)
+        at_end = values(kinds, bodies, arms, axes, sides, places, ends, before)
         gradient = gradients(
             kinds, bodies, arms, axes, start, (places, ends), turned, before, at_end
         )
@@ -161,16 +207,19 @@ def joined(
             size = acting[rows[t]] * shares[t]
             missing[rows[t]] += shares[t] * at_end[t]
             for side in range(2):
-                pushed[bodies[t, side]] += size * gradient[t, side, :3]
-                whirled[bodies[t, side]] += size * gradient[t, side, 3:]
+                add(gradient[t, side, :3], size, pushed[bodies[t, side]])
+                add(gradient[t, side, 3:], size, whirled[bodies[t, side]])
         bent = _bent(kinds, rows, bodies, gradient, shares, acting, arms, axes, ends, count)
         # Changes of speeds and spins without others of impulses, and by unit moments.
         late, free = np.zeros((count, 3)), np.zeros((count, 6))
         answers, bending = np.zeros((count, 3, 3)), compliance.copy()
+        turning, by_moment, tangent = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
         for body in range(1, count):
-            half = halves[body]
-            by_spin = (np.eye(3) + skew(half)) * (0.5 * dt / (1.0 + half @ half))
-            turning = start[1][body] @ by_spin
+            half, rotation = halves[body], start[1][body]
+            share = 0.5 * dt / (1.0 + dot(half, half))
+            for i in range(3):  # (1 + h) of its skew matrix, and r h = r x h
+                row = (rotation[i, 0], rotation[i, 1], rotation[i, 2])
+                put(plus(row, 1.0, crossed(row, half)), share, turning[i])
             if inverse_mass[body] == 0.0:  # a station
                 steps[body] = spins[0][body] + impulses[0][body] - speeds[body]
                 # Along its axes at the start of the layer.
@@ -188,32 +237,36 @@ def joined(
                 free[body, :3] = 0.5 * dt * steps[body]
                 free[body, 3:] = turning @ late[body]
                 continue
-            own = start[1][body].T @ whirled[body]
-            mean = inertia[body] @ (spins[1][body] + whirls[body]) * 0.5
-            off = inertia[body] @ (whirls[body] - spins[1][body])
-            off += 2.0 * cross(half, mean) + cross(half, own) - own
-            tangent = inertia[body] + skew(half) @ inertia[body]
-            tangent -= 0.5 * dt * skew(mean + 0.5 * own)
-            by_moment = (np.eye(3) - skew(half)) @ start[1][body].T
-            tangent -= by_moment @ bent[body] @ (start[1][body] @ by_spin)
+            own = across(rotation, whirled[body])
+            begun, after = spins[1][body], whirls[body]
+            momenta = by(inertia[body], plus(begun, 1.0, after))  # J (W_a + W_b)
+            off = plus(by(inertia[body], less(after, begun)), 1.0, crossed(half, momenta))
+            off = less(plus(off, 1.0, crossed(half, own)), own)
+            bend = plus((0.0, 0.0, 0.0), 0.25 * dt, plus(momenta, 1.0, own))
+            for i in range(3):
+                put(turning[i], 1.0 / share, by_moment[:, i])
+            _tangent(inertia[body], half, bend, turning, by_moment, bent[body], tangent)
             inner = inverted(tangent)
-            late[body] = -(inner @ off)
-            answers[body] = inner @ by_moment
-            freedoms[body] = turning @ answers[body] * (2.0 / dt)
-            lag = spins[0][body] + inverse_mass[body] * pushed[body] - speeds[body]
-            steps[body] = lag
-            free[body, :3], free[body, 3:] = 0.5 * dt * lag, turning @ late[body]
+            put(by(inner, off), -1.0, late[body])
+            _times(inner, by_moment, answers[body])
+            _times(turning, answers[body], freedoms[body])
+            freedoms[body] *= 2.0 / dt
+            lag = less(plus(spins[0][body], inverse_mass[body], pushed[body]), speeds[body])
+            put(lag, 1.0, steps[body])
+            put(lag, 0.5 * dt, free[body, :3])
+            put(by(turning, late[body]), 1.0, free[body, 3:])
         missing = laws[:, 0] * missing + laws[:, 1] * acting + laws[:, 2]
         scaled, last = (
             gradient.copy(),
             at_gradients(kinds, bodies, arms, axes, places, ends, at_end),
         )
         for t in range(terms):
-            scaled[t] *= shares[t]
-            last[t] *= shares[t]
             ahead = 0.0
             for side in range(2):
-                ahead += last[t, side] @ free[bodies[t, side]]
+                for k in range(6):
+                    scaled[t, side, k] *= shares[t]
+                    last[t, side, k] *= shares[t]
+                    ahead += last[t, side, k] * free[bodies[t, side], k]
             missing[rows[t]] += laws[rows[t], 0] * ahead
         matrix = 0.5 * dt * delassus(
             rows, bodies, last, scaled, most, inverse_mass, freedoms, couples, bending
@@ -227,18 +280,18 @@ def joined(
         acting -= change
         last_speeds, last_whirls = speeds.copy(), whirls.copy()
         pushed, whirled = np.zeros((count, 3)), np.zeros((count, 3))  # by the change of impulses
-        for body in range(1, count):
-            speeds[body] += steps[body]
-            whirls[body] += late[body]
+        speeds += steps
+        whirls += late
         for t in range(terms):
             size = change[rows[t]] * shares[t]
             for side in range(2):
                 body = bodies[t, side]
                 if body:
-                    speeds[body] -= size * inverse_mass[body] * gradient[t, side, :3]
-                    whirls[body] -= size * (answers[body] @ gradient[t, side, 3:])
-                    pushed[body] -= size * gradient[t, side, :3]
-                    whirled[body] -= size * gradient[t, side, 3:]
+                    push, twist = gradient[t, side, :3], gradient[t, side, 3:]
+                    add(push, -size * inverse_mass[body], speeds[body])
+                    add(by(answers[body], twist), -size, whirls[body])
+                    add(push, -size, pushed[body])
+                    add(twist, -size, whirled[body])
         moved = 0.0  # twice the energy of the change
         for c in range(len(couples)):
             one, two = couples[c]
@@ -250,8 +303,9 @@ def joined(
         for body in range(1, count):
             if inverse_mass[body] == 0.0:
                 continue
-            way, whirl = speeds[body] - last_speeds[body], whirls[body] - last_whirls[body]
-            moved += (way @ way) / inverse_mass[body] + whirl @ inertia[body] @ whirl
+            way = less(speeds[body], last_speeds[body])
+            whirl = less(whirls[body], last_whirls[body])
+            moved += dot(way, way) / inverse_mass[body] + dot(whirl, by(inertia[body], whirl))
         left = max(np.abs(change / scale).max(), np.sqrt(0.5 * dt * moved))
         whole = max(known, np.abs(acting / scale).max())
         off_by = 0.0  # of constraints, by their rounding

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impactfem.arrays import Floats
+from impactfem.arrays import Floats, Integers
 from impactfem.scene.means import StepMean
 from impactfem.system.joints import Joints
 
@@ -98,7 +98,7 @@ class JointStates:
             if (soft := joints.joints[joints.owner[row]].soft) is not None:
                 missing = begun[row] - joints.start[row]
                 laws[row, 1:] = soft.cfm, -(1.0 - soft.erp) * missing
-        own = joints.moving[self._moving]
+        own: Integers = joints.moving[self._moving]
         stiffness, damping, given = self._acting.copy()
         for k, motor in self.motors.items():
             # Its coordinate counts from where the joint says.
@@ -111,16 +111,16 @@ class JointStates:
         for k in self._changing:
             joint, row = joints.joints[k], joints.moving[k]
             q = begun[row]
-            if (own := joints.rubbing[k]) >= 0:
+            if (rubs := joints.rubbing[k]) >= 0:
                 sliding = self.slides[k] * dt * joint.friction
                 stopping = 1.0, 0.0, -(q + 0.5 * dt * rates[row])
                 # At a limit that holds it friction has nothing left to hold.
                 loose = self.slides[k] or self.stops[k]
-                laws[own] = (0.0, 1.0, sliding) if loose else stopping
-            if (own := joints.stopping[k]) >= 0 and self.stops[k]:
+                laws[rubs] = (0.0, 1.0, sliding) if loose else stopping
+            if (limit := joints.stopping[k]) >= 0 and self.stops[k]:
                 back = _back(joint.restitution, self.stops[k] * rates[row])
                 way = 0.5 * dt * (1.0 - back) * rates[row]
-                laws[own] = 1.0, 0.0, -(q + way)
+                laws[limit] = 1.0, 0.0, -(q + way)
         return laws
 
     def unbounded(self, laws: Floats) -> Floats:

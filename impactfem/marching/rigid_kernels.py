@@ -7,6 +7,7 @@ import numpy as np
 
 from impactfem.compiled import compiled
 from impactfem.marching.turn_kernels import turn
+from impactfem.system.vector_kernels import across, by, dot
 
 
 @compiled
@@ -135,6 +136,38 @@ def gathered(forces, of, arms, count):
             own[4] += z * f - x * h
             own[5] += x * g - y * f
     return found
+
+
+@compiled
+def summed(mass, inertia, moved, speed, spin, rotated, dim):
+    """Kinetic energy, momenta and attitude of bodies; see `impactfem.marching.rigid_sums.sums_of`.
+
+    Returns:
+        (bodies,); momentum, first moment of mass and angular momentum, (bodies, 2 dim + 1 or 3);
+        moments of inertia that turn with them and about axes, (bodies, 2 dim dim). Only the polar
+        factor of the first is asked for: of a rod the moments of mass would not have one.
+    """
+    count, turns = len(mass), dim * (dim - 1) // 2
+    energy, vectors = np.empty(count), np.empty((count, 2 * dim + turns))
+    attitude = np.zeros((count, 2, dim, dim))
+    for k in range(count):
+        own, along = rotated[k], by(inertia[k], spin[k])
+        energy[k] = 0.5 * (mass[k] * dot(speed[k], speed[k]) + dot(spin[k], along))
+        angular = by(own, along)
+        for i in range(dim):
+            vectors[k, i], vectors[k, dim + i] = mass[k] * speed[k, i], mass[k] * moved[k, i]
+        for i in range(turns):
+            vectors[k, 2 * dim + i] = angular[3 - turns + i]
+        j = inertia[k]
+        size = j[2, 2] if dim == 2 else j[0, 0] + j[1, 1] + j[2, 2]
+        for i in range(dim):
+            row = across(j, own[i])
+            attitude[k, 1, i, i] = 0.5 * size
+            for m in range(dim):
+                attitude[k, 0, i, m] = size * own[i, m]
+                if dim == 3:
+                    attitude[k, 1, i, m] -= dot(row, own[m])
+    return energy, vectors, attitude.reshape(count, -1)
 
 
 @compiled

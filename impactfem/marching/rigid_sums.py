@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
 from impactfem.marching.layers import Sums
+from impactfem.marching.rigid_kernels import summed
 
 
 def sums_of(
@@ -23,22 +24,14 @@ def sums_of(
         work: Of loads in the layer [J], (bodies,).
         dim: Dimension of space.
     """
-    turns = dim * (dim - 1) // 2
-    own = applied(inertia, spin)
-    kinetic = mass[:, 0] * np.einsum("bi,bi->b", speed, speed)
-    kinetic = 0.5 * (kinetic + np.einsum("bi,bi->b", spin, own))
-    angular = applied(rotated, own)[:, 3 - turns :]
-    if dim == 2:
-        size, rotated = inertia[:, 2, 2, None, None], rotated[:, :2, :2]
-        second = 0.5 * size * np.eye(2)
-    else:
-        size = np.trace(inertia, axis1=1, axis2=2)[:, None, None]
-        second = 0.5 * size * np.eye(3) - rotated @ inertia @ rotated.swapaxes(1, 2)
-    # Its polar factor is asked for only: of a rod the moments of mass would not have one.
-    attitude = np.stack([size * rotated, second], axis=1).reshape(len(mass), -1)
-    vectors = (mass * speed)[:, :dim], (mass * moved)[:, :dim], angular, attitude
-    each = zip(kinetic.tolist(), work.tolist(), *vectors, strict=True)
-    return [Sums(energy, 0.0, done, *rest) for energy, done, *rest in each]
+    kinetic, vectors, attitude = summed(mass[:, 0], inertia, moved, speed, spin, rotated, dim)
+    ends = dim, 2 * dim
+    return [
+        Sums(energy, 0.0, done, own[: ends[0]], own[ends[0] : ends[1]], own[ends[1] :], turned)
+        for energy, done, own, turned in zip(
+            kinetic.tolist(), work.tolist(), vectors, attitude, strict=True
+        )
+    ]
 
 
 def no_sums(bodies: int, dim: int) -> list[Sums]:

@@ -314,13 +314,13 @@ def frames(normals: Floats) -> Floats:
     if dim == 2:
         found[:, 1] = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
         return found
-    first = _crossed(normals, np.eye(3)[np.argmin(np.abs(normals), axis=1)])
+    first = crossed(normals, np.eye(3)[np.argmin(np.abs(normals), axis=1)])
     found[:, 1] = first / np.sqrt(np.einsum("ij,ij->i", first, first))[:, None]
-    found[:, 2] = _crossed(normals, found[:, 1])
+    found[:, 2] = crossed(normals, found[:, 1])
     return found
 
 
-def _crossed(a: Floats, b: Floats) -> Floats:
+def crossed(a: Floats, b: Floats) -> Floats:
     """Cross products of rows, (k, 3): of few of them in a third of the time NumPy's takes."""
     return a[:, _NEXT] * b[:, _AFTER] - a[:, _AFTER] * b[:, _NEXT]
 

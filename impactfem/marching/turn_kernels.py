@@ -27,6 +27,7 @@ the body turns about their mean, on which moments do their work.
 import numpy as np
 
 from impactfem.compiled import compiled
+from impactfem.system.vector_kernels import across, by, crossed
 
 _MOST, _SETTLED = 50, 4e-16  # iterates, and the change of spins that is but rounding
 _FINE = 1e-12  # change with which the last iterate still counts
@@ -59,14 +60,14 @@ def turn(
         Whether they were found.
     """
     first = (spin[0], spin[1], spin[2])
-    own = _across(rotation, (impulse[0], impulse[1], impulse[2]))
+    own = across(rotation, (impulse[0], impulse[1], impulse[2]))
     last = first
     # Of what rounding is told by: impulses may stop a body but for that.
-    given = max(_largest(first), _largest(_by(inverse, own)))
+    given = max(_largest(first), _largest(by(inverse, own)))
     h, stretch = _stretched(first, last, dt, straight)
     found = False
     if free:
-        gain = _by(inverse, own)
+        gain = by(inverse, own)
         mean = (first[0] + 0.5 * gain[0], first[1] + 0.5 * gain[1], first[2] + 0.5 * gain[2])
         size = np.sqrt(mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2])
         if 0.5 * dt * size >= 0.5 * LARGEST:
@@ -74,8 +75,8 @@ def turn(
             h, found = (share * mean[0], share * mean[1], share * mean[2]), True
             last = (first[0] + gain[0], first[1] + gain[1], first[2] + gain[2])
             share = 2.0 / (1.0 + h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
-            once = _cross(last, h)  # along the axes at the end
-            twice = _cross(once, h)
+            once = crossed(last, h)  # along the axes at the end
+            twice = crossed(once, h)
             last = (
                 last[0] + share * (once[0] + twice[0]),
                 last[1] + share * (once[1] + twice[1]),
@@ -83,9 +84,9 @@ def turn(
             )
     for k in range(0 if found else _MOST):
         mean = (0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), 0.5 * (first[2] + last[2]))
-        p = _by(inertia, mean)
-        grown = _by(inertia, (last[0] - first[0], last[1] - first[1], last[2] - first[2]))
-        a, b = _cross(h, p), _cross(h, own)
+        p = by(inertia, mean)
+        grown = by(inertia, (last[0] - first[0], last[1] - first[1], last[2] - first[2]))
+        a, b = crossed(h, p), crossed(h, own)
         x = grown[0] + 2.0 * a[0] + (b[0] - own[0])
         y = grown[1] + 2.0 * a[1] + (b[1] - own[1])
         z = grown[2] + 2.0 * a[2] + (b[2] - own[2])
@@ -114,7 +115,7 @@ def turn(
             inertia[2, 1] + (h[0] * inertia[1, 1] - h[1] * inertia[0, 1]) - e,
             inertia[2, 2] + (h[0] * inertia[1, 2] - h[1] * inertia[0, 2]),
         )
-        c1, c2, c3 = _cross(two, three), _cross(three, one), _cross(one, two)
+        c1, c2, c3 = crossed(two, three), crossed(three, one), crossed(one, two)
         volume = three[0] * c3[0] + three[1] * c3[1] + three[2] * c3[2]
         change = (
             (c1[0] * x + c2[0] * y + c3[0] * z) / volume,
@@ -132,10 +133,10 @@ def turn(
     square = h[0] * h[0] + h[1] * h[1] + h[2] * h[2]
     # Half the rotation: tan(a / 2) by tan(a).
     part = 1.0 / (1.0 + np.sqrt(1.0 + square))
-    _turned_by(rotation, (part * h[0], part * h[1], part * h[2]), middle)
-    _turned_by(rotation, h, end)
+    turned_by(rotation, (part * h[0], part * h[1], part * h[2]), middle)
+    turned_by(rotation, h, end)
     for i in range(3):
-        row = _across(inverse, (middle[i, 0], middle[i, 1], middle[i, 2]))
+        row = across(inverse, (middle[i, 0], middle[i, 1], middle[i, 2]))
         for j in range(3):
             freedom[i, j] = row[0] * middle[j, 0] + row[1] * middle[j, 1] + row[2] * middle[j, 2]
     for i in range(3):
@@ -160,49 +161,20 @@ def _stretched(first, last, dt, straight):
 
 
 @compiled
-def _by(matrix, a):
-    """A matrix (3, 3) times a vector."""
-    return (
-        matrix[0, 0] * a[0] + matrix[0, 1] * a[1] + matrix[0, 2] * a[2],
-        matrix[1, 0] * a[0] + matrix[1, 1] * a[1] + matrix[1, 2] * a[2],
-        matrix[2, 0] * a[0] + matrix[2, 1] * a[1] + matrix[2, 2] * a[2],
-    )
-
-
-@compiled
-def _across(matrix, a):
-    """The transpose of a matrix (3, 3) times a vector."""
-    return (
-        matrix[0, 0] * a[0] + matrix[1, 0] * a[1] + matrix[2, 0] * a[2],
-        matrix[0, 1] * a[0] + matrix[1, 1] * a[1] + matrix[2, 1] * a[2],
-        matrix[0, 2] * a[0] + matrix[1, 2] * a[1] + matrix[2, 2] * a[2],
-    )
-
-
-@compiled
-def _cross(a, b):
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
-
-
-@compiled
 def _largest(a):
     return max(abs(a[0]), abs(a[1]), abs(a[2]))
 
 
 @compiled
-def _turned_by(rotation, h, found):
+def turned_by(rotation, h, found):
     """A rotation times that of `cayley`, (3, 3); written."""
     x, y, z = h
     share = 2.0 / (1.0 + x * x + y * y + z * z)
     for i in range(3):
         row = (rotation[i, 0], rotation[i, 1], rotation[i, 2])
         # Of skew matrices S: r S = r x h, so that r S S is that once more.
-        once = _cross(row, h)
-        twice = _cross(once, h)
+        once = crossed(row, h)
+        twice = crossed(once, h)
         for j in range(3):
             found[i, j] = row[j] + share * (once[j] + twice[j])
 

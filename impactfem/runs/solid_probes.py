@@ -139,8 +139,8 @@ class SolidProbes:
         moved = [level.displacement[at] if len(at) else np.zeros(0)]
         moved += [level.velocity[moving]] if len(moving) else []
         told = [value for each in self.telling for of in each().values() for value in of.values()]
-        values = self.weights @ np.concatenate(moved), self.counts * np.array(told)
-        self.march.rows.probes[level.layer] = np.concatenate(values)
+        own = self.weights @ np.concatenate(moved) if self.weights.shape[0] else moved[0]
+        self.march.rows.probes[level.layer] = np.concatenate([own, self.counts * np.array(told)])
 
     def columns(self, values: Floats) -> dict[str, dict[str, Floats]]:
         """Columns of each probe by their last part, of the sums of all ranks (rows, columns)."""

@@ -13,9 +13,11 @@ Numer. Meth. Eng. 67 (2006) 499-552.)
 """
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from impactfem.arrays import Floats
 from impactfem.compiled import compiled
+from impactfem.system.vector_kernels import add, by, crossed, dot, less, plus, put
 
 POINT, DOT, SLIDE, DISTANCE, ANGLE = range(5)
 """Kinds of terms; see `values`."""
@@ -30,7 +32,7 @@ _SAME = 1e-5  # relative turn [rad] below which an angle is its linear part to r
 
 
 @compiled
-def values(kinds, bodies, arms, axes, across, places, turns, before):
+def values(kinds, bodies, arms, axes, sides, places, turns, before):
     """Values of terms, (terms,).
 
     Args:
@@ -38,28 +40,39 @@ def values(kinds, bodies, arms, axes, across, places, turns, before):
             |p2 - p1|; ANGLE: that of body 2 against body 1 about u1, next to the value before.
         bodies: (terms, 2).
         arms, axes: From the centres to p and the u, along the axes of the bodies, (terms, 2, 3).
-        across: Directions whose angle is told, perpendicular to the axes, alike, (terms, 2, 3).
+        sides: Directions whose angle is told, perpendicular to the axes, alike, (terms, 2, 3).
         places, turns: Centres and rotations of the bodies, (bodies, 3), (bodies, 3, 3).
         before: Values of angles nearby [rad], (terms,).
     """
     found = np.empty(len(kinds))
     for t in range(len(kinds)):
         i, j = bodies[t]
-        d = places[j] + turns[j] @ arms[t, 1] - places[i] - turns[i] @ arms[t, 0]
-        u = turns[i] @ axes[t, 0]
+        d = _apart(places[i], by(turns[i], arms[t, 0]), places[j], by(turns[j], arms[t, 1]))
+        u = by(turns[i], axes[t, 0])
         if kinds[t] == POINT:
-            found[t] = d @ axes[t, 0]
+            found[t] = dot(d, axes[t, 0])
         elif kinds[t] == DOT:
-            found[t] = u @ (turns[j] @ axes[t, 1])
+            found[t] = dot(u, by(turns[j], axes[t, 1]))
         elif kinds[t] == SLIDE:
-            found[t] = d @ u
+            found[t] = dot(d, u)
         elif kinds[t] == DISTANCE:
-            found[t] = np.sqrt(d @ d)
+            found[t] = np.sqrt(dot(d, d))
         else:
-            one, two = turns[i] @ across[t, 0], turns[j] @ across[t, 1]
-            angle = np.arctan2(two @ np.cross(u, one), two @ one)
+            one, two = by(turns[i], sides[t, 0]), by(turns[j], sides[t, 1])
+            angle = np.arctan2(dot(two, crossed(u, one)), dot(two, one))
             found[t] = angle + 2.0 * np.pi * np.round((before[t] - angle) / (2.0 * np.pi))
     return found
+
+
+@compiled
+def _apart(place, arm, other, far):
+    """From the end of an arm to that of another one."""
+    return less(plus(other, 1.0, far), plus(place, 1.0, arm))
+
+
+@compiled
+def _mean(a, b):
+    return (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2]))
 
 
 @compiled
@@ -75,37 +88,41 @@ def gradients(kinds, bodies, arms, axes, start, end, turned, values_a, values_b)
     found = np.zeros((len(kinds), 2, 6))
     for t in range(len(kinds)):
         i, j = bodies[t]
-        one_a, two_a = start[1][i] @ arms[t, 0], start[1][j] @ arms[t, 1]
-        one_b, two_b = end[1][i] @ arms[t, 0], end[1][j] @ arms[t, 1]
-        d_a = start[0][j] + two_a - start[0][i] - one_a
-        d_b = end[0][j] + two_b - end[0][i] - one_b
-        u_a, u_b = start[1][i] @ axes[t, 0], end[1][i] @ axes[t, 0]
-        one, two, d, u = (
-            0.5 * (one_a + one_b), 0.5 * (two_a + two_b), 0.5 * (d_a + d_b), 0.5 * (u_a + u_b)
-        )  # fmt: skip
+        one_a, two_a = by(start[1][i], arms[t, 0]), by(start[1][j], arms[t, 1])
+        one_b, two_b = by(end[1][i], arms[t, 0]), by(end[1][j], arms[t, 1])
+        d_a = _apart(start[0][i], one_a, start[0][j], two_a)
+        d_b = _apart(end[0][i], one_b, end[0][j], two_b)
+        one, two, d = _mean(one_a, one_b), _mean(two_a, two_b), _mean(d_a, d_b)
+        u = _mean(by(start[1][i], axes[t, 0]), by(end[1][i], axes[t, 0]))
+        first, second = found[t]
         if kinds[t] == DOT:
-            w = 0.5 * (start[1][j] @ axes[t, 1] + end[1][j] @ axes[t, 1])
-            moment = np.cross(w, u)
-            found[t, 0, 3:], found[t, 1, 3:] = -moment, moment
+            w = _mean(by(start[1][j], axes[t, 1]), by(end[1][j], axes[t, 1]))
+            moment = crossed(w, u)
+            put(moment, -1.0, first[3:])
+            put(moment, 1.0, second[3:])
             continue
         if kinds[t] == ANGLE:
             # To first order in the way, for Cayley's rotations; scaled for the rest.
-            mean = 0.5 * (turned[i] + turned[j])
-            u = u - (0.25 * (mean @ u) / (1.0 + 0.25 * (mean @ mean))) * mean
-            way = u @ (turned[j] - turned[i])
+            mean = _mean(turned[i], turned[j])
+            u = plus(u, -(0.25 * dot(mean, u) / (1.0 + 0.25 * dot(mean, mean))), mean)
+            way = dot(u, less(turned[j], turned[i]))
             scale = (values_b[t] - values_a[t]) / way if np.abs(way) > _SAME else 1.0
-            found[t, 0, 3:], found[t, 1, 3:] = -scale * u, scale * u
+            put(u, -scale, first[3:])
+            put(u, scale, second[3:])
             continue
         if kinds[t] == POINT:
-            along = axes[t, 0]
+            along = (axes[t, 0, 0], axes[t, 0, 1], axes[t, 0, 2])
         elif kinds[t] == SLIDE:
             along = u
         else:
-            along = (d_a + d_b) / (values_a[t] + values_b[t])
-        found[t, 0, :3], found[t, 1, :3] = -along, along
-        found[t, 0, 3:], found[t, 1, 3:] = -np.cross(one, along), np.cross(two, along)
+            share = 1.0 / (values_a[t] + values_b[t])
+            along = plus((share * d_a[0], share * d_a[1], share * d_a[2]), share, d_b)
+        put(along, -1.0, first[:3])
+        put(along, 1.0, second[:3])
+        put(crossed(one, along), -1.0, first[3:])
+        put(crossed(two, along), 1.0, second[3:])
         if kinds[t] == SLIDE:
-            found[t, 0, 3:] += np.cross(u, d)
+            add(crossed(u, d), 1.0, first[3:])
     return found
 
 
@@ -114,6 +131,46 @@ def at_gradients(kinds, bodies, arms, axes, places, turns, now):
     """Gradients of terms at a state, (terms, 2, 6); values of the terms there as ``now``."""
     here = (places, turns)
     return gradients(kinds, bodies, arms, axes, here, here, np.zeros(places.shape), now, now)
+
+
+@compiled
+def term_rates(gradient, bodies, turns, speeds, spins):
+    """Rates of terms, (terms,).
+
+    Args:
+        gradient: Of the terms, (terms, 2, 6).
+        bodies: (terms, 2).
+        turns: Rotations of the bodies, (bodies, 3, 3).
+        speeds, spins: Their velocities, and spins along their axes, (bodies, 3).
+    """
+    found = np.zeros(len(bodies))
+    for t in range(len(bodies)):
+        for side in range(2):
+            body, along = bodies[t, side], gradient[t, side]
+            found[t] += dot(along[:3], speeds[body])
+            found[t] += dot(along[3:], by(turns[body], spins[body]))
+    return found
+
+
+@compiled
+def wrenches(acting, gradient, rows, shares, of, count):
+    """Impulses by those of rows (several, rows) on bodies, (several, bodies, 6).
+
+    Args:
+        acting: Of the rows.
+        gradient: Of the terms, (terms, sides, 6).
+        rows, shares: Of the terms, (terms,).
+        of: Body on each side of the terms, (terms, sides).
+        count: Number of bodies.
+    """
+    found = np.zeros((len(acting), count, 6))
+    for n in range(len(acting)):
+        for t in range(len(rows)):
+            size = acting[n, rows[t]] * shares[t]
+            for side in range(of.shape[1]):
+                for k in range(6):
+                    found[n, of[t, side], k] += size * gradient[t, side, k]
+    return found
 
 
 @compiled
@@ -133,6 +190,17 @@ def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms, couple
             (couples, 6, 6).
     """
     found, sizes = np.zeros((count, count)), np.zeros(count)
+    # Terms of each body one after the other; see `_move`.
+    ends = np.zeros(len(inverse_mass) + 1, dtype=np.int64)
+    for body in bodies.flat:
+        ends[body + 1] += 1
+    ends = np.cumsum(ends)
+    of, filled = np.empty(2 * len(rows), dtype=np.int64), ends.copy()
+    for t in range(len(rows)):
+        for side in range(2):
+            of[filled[bodies[t, side]]] = 2 * t + side
+            filled[bodies[t, side]] += 1
+    moved = np.empty(6)
     for t in range(len(rows)):
         for side in range(2):
             body = bodies[t, side]
@@ -142,27 +210,30 @@ def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms, couple
                 if couples[c, 0] == body and couples[c, 1] == body:
                     light += np.trace(compliance[c, :3, :3])
                     free += np.trace(compliance[c, 3:, 3:])
-            sizes[rows[t]] += light * (push @ push) + abs(free) * (twist @ twist)
-            moved = np.empty(6)
-            moved[:3] = inverse_mass[body] * gradient[t, side, :3]
-            moved[3:] = freedoms[body] @ gradient[t, side, 3:]
-            for s in range(len(rows)):
-                for other in range(2):
-                    if bodies[s, other] == body:
-                        found[rows[s], rows[t]] += last[s, other] @ moved
+            sizes[rows[t]] += light * dot(push, push) + abs(free) * dot(twist, twist)
+            put(push, inverse_mass[body], moved[:3])
+            put(by(freedoms[body], twist), 1.0, moved[3:])
+            _move(found[:, rows[t]], rows, last, moved, of[ends[body] : ends[body + 1]])
             for c in range(len(couples)):
-                if couples[c, 1] != body:
-                    continue
-                moved = compliance[c] @ gradient[t, side]
-                for s in range(len(rows)):
-                    for other in range(2):
-                        if bodies[s, other] == couples[c, 0]:
-                            found[rows[s], rows[t]] += last[s, other] @ moved
+                if couples[c, 1] == body:
+                    other = couples[c, 0]
+                    along = compliance[c] @ gradient[t, side]
+                    _move(found[:, rows[t]], rows, last, along, of[ends[other] : ends[other + 1]])
     for r in range(count):
         if abs(found[r, r]) <= ROUNDING * sizes[r]:
             found[r, :] = 0.0
             found[:, r] = 0.0
     return found
+
+
+@compiled
+def _move(found, rows, last, moved, of):
+    """Add how rows move with a body, by its terms: twice their number and one on the far side."""
+    for s in of:
+        along, total = last[s // 2, s % 2], 0.0
+        for k in range(6):
+            total += along[k] * moved[k]
+        found[rows[s // 2]] += total
 
 
 @compiled
@@ -186,8 +257,56 @@ def solved(matrix, given, scale, redundant):
     if redundant:
         found = np.linalg.pinv(alike, RANK) @ right
     else:
-        found = np.linalg.solve(alike, right)
+        found = _eliminated(alike, right)
     return scale.reshape((-1, 1)) * found
+
+
+@compiled
+def _eliminated(matrix, right):
+    """The solution of matrix @ x = right, in place of both; rows of chains have few entries.
+
+    Raises:
+        LinAlgError: Rows follow from others.
+    """
+    count = len(matrix)
+    ends, depth = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    entries = 0
+    for i in range(count):  # of the entries of each row, and of each column
+        for j in range(count):
+            if matrix[i, j] != 0.0:
+                ends[i], depth[j] = j + 1, i + 1
+                entries += 1
+    if 4 * entries > count * count:
+        return np.linalg.solve(matrix, right)
+    deep = 0
+    for k in range(count):
+        best, deep = k, max(deep, depth[k])
+        for i in range(k + 1, deep):
+            if abs(matrix[i, k]) > abs(matrix[best, k]):
+                best = i
+        if matrix[best, k] == 0.0:
+            raise LinAlgError("Matrix is singular to machine precision.")
+        if best != k:
+            for j in range(k, max(ends[best], ends[k])):
+                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
+            for j in range(right.shape[1]):
+                right[k, j], right[best, j] = right[best, j], right[k, j]
+            ends[k], ends[best] = ends[best], ends[k]
+        for i in range(k + 1, deep):
+            share = matrix[i, k] / matrix[k, k]
+            if share != 0.0:
+                ends[i] = max(ends[i], ends[k])
+                for j in range(k + 1, ends[k]):
+                    matrix[i, j] -= share * matrix[k, j]
+                for j in range(right.shape[1]):
+                    right[i, j] -= share * right[k, j]
+    for k in range(count - 1, -1, -1):
+        for j in range(right.shape[1]):
+            total = right[k, j]
+            for i in range(k + 1, ends[k]):
+                total -= matrix[k, i] * right[i, j]
+            right[k, j] = total / matrix[k, k]
+    return right
 
 
 def sizes_of(matrix: Floats) -> Floats:

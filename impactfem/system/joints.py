@@ -168,7 +168,7 @@ class Joints:
         """The same with those of t = 0."""
         return self.rates(self.speeds, np.einsum("bij,bj->bi", self.turns, self.spins))
 
-    @property
+    @cached_property
     def hard(self) -> NDArray[np.bool_]:
         """Rows that are constraints and do not give way, (rows,)."""
         soft = np.array([joint.soft is not None for joint in self.joints])
