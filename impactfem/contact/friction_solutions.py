@@ -117,7 +117,8 @@ def dependent(problem: ConeProblem, force: Floats) -> Floats:
     answers = (problem.matrix @ spread) / root[:, None]
     size = np.linalg.norm(answers, axis=0)
     size = np.where(size > 0.0, size, 1.0)
-    values, right = np.linalg.svd(answers / size)[1:]
+    # Of many rows the triangular factor has the same singular values, and the same ways.
+    values, right = np.linalg.svd(np.linalg.qr(answers / size, mode="r"))[1:]
     rank = int((values > _RANK * values.max(initial=0.0)).sum())
     return np.asarray(np.linalg.qr(spread @ (right[rank:] / size).T)[0])
 

@@ -168,8 +168,7 @@ def _canonical(problem: ConeProblem, start: Floats) -> Floats:
     """
     found = start.copy()
     for pairs in _islands(problem):
-        part = problem.part(pairs)
-        if (force := stuck(part)) is not None:
+        if len(pairs) > 1 and (force := stuck(problem.part(pairs))) is not None:
             found[pairs] = force
     return found
 

@@ -280,7 +280,7 @@ class PairGaps:
     @property
     def shares_nodes(self) -> bool:
         """Whether a node may have gaps to several obstacles."""
-        return any(gaps.shares_nodes for _, _, gaps in self._obstacles)
+        return any(gaps.shares_nodes for _, _, gaps in self._beside)
 
     def handed(self, values: Floats) -> Floats:
         """What gaps have, (pairs,) or (pairs, dim), by which carry it now; see `Gaps.handed`."""

@@ -108,7 +108,7 @@ class JointStates:
         half, slow = 0.5 * stiffness[self._moving], damping[self._moving] / dt
         laws[own, 0], laws[own, 1] = half + slow, 1.0 / dt
         laws[own, 2] = (half - slow) * begun[own] - given[self._moving]
-        for k in self._changing:
+        for k in self._changing.tolist():
             joint, row = joints.joints[k], joints.moving[k]
             q = begun[row]
             if (rubs := joints.rubbing[k]) >= 0:
@@ -158,7 +158,7 @@ class JointStates:
     ) -> bool:
         """Change laws that are wrong, or the first one; whether there are any."""
         joints, dt, found = self._joints, self.span, False
-        for k in self._changing:
+        for k in self._changing.tolist():
             joint, row = joints.joints[k], joints.moving[k]
             slides, stops = self.slides[k], self.stops[k]
             rate = 2.0 * (ended[row] - begun[row]) / dt - rates[row]
