@@ -385,3 +385,56 @@ def in_cones(ways, least, bounds, slack, most):
         if parts:
             break
     return False, force
+
+
+@compiled
+def stuck_forces(matrix, offset, friction, scale, shares, most):
+    """The least forces with which nothing slips; see `impactfem.contact.friction_solutions.stuck`.
+
+    Args:
+        matrix, offset, friction, scale: As of `newton_cones`.
+        shares: Of the largest eigenvalue that counts as none, of the largest force that is
+            rounding, and how far within the cones forces are looked for.
+        most: Limit of projections.
+
+    Returns:
+        Whether they were found, and the forces, (pairs, dim).
+    """
+    pairs, dim = offset.shape
+    rank, rounding, within = shares
+    size = (1.0 / np.sqrt(np.maximum(scale, _TINY))).reshape(-1)
+    alike, right = np.empty_like(matrix), -(size * offset.copy().reshape(-1))
+    for i in range(len(size)):
+        for k in range(len(size)):
+            alike[i, k] = matrix[i, k] * (size[i] * size[k])
+    shut = np.ones(pairs, dtype=np.bool_)
+    found = np.zeros((pairs, dim))
+    while shut.any():
+        chosen = np.flatnonzero(shut)
+        at = (dim * chosen.reshape(-1, 1) + np.arange(dim)).reshape(-1)
+        part, bounds = np.empty((len(at), len(at))), np.empty(len(chosen))
+        for i in range(len(at)):
+            for k in range(len(at)):
+                part[i, k] = alike[at[i], at[k]]
+        for j in range(len(chosen)):
+            first = dim * chosen[j]
+            bounds[j] = (1.0 - within) * friction[chosen[j]] * size[first] / size[first + dim - 1]
+        own, every = np.linalg.eigh(part)
+        counts = own > rank * own[-1]
+        if shut.all() and counts.all():
+            break
+        ways = np.ascontiguousarray(every[:, counts])
+        force = (ways @ ((ways.T @ right[at]) / own[counts])).reshape(-1, dim)
+        fine, held = in_cones(ways, force, bounds, 0.5 * within, most)
+        if fine:
+            for j in range(len(chosen)):
+                for c in range(dim):
+                    found[chosen[j], c] = size[dim * chosen[j] + c] * held[j, c]
+            return True, found
+        least, pulls = -rounding * np.abs(force).max(), False
+        for j in range(len(chosen)):
+            if force[j, 0] < least:
+                shut[chosen[j]], pulls = False, True
+        if not pulls:
+            break
+    return False, found

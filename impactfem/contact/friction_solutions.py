@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats
-from impactfem.contact.cone_kernels import in_cones
+from impactfem.contact.cone_kernels import stuck_forces
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.rooted import Matrix, full, own_blocks
 
@@ -139,26 +139,7 @@ def stuck(problem: ConeProblem) -> Floats | None:
     pairs, dim = problem.offset.shape
     if pairs < 2 or not problem.pushes.all() or problem.base.any():
         return None
-    size = 1.0 / np.sqrt(np.maximum(problem.scales(), np.finfo(float).tiny))
-    alike = full(problem.matrix) * np.outer(size, size)
-    right = -(size * problem.offset).ravel()
-    bounds = (1.0 - _INSIDE) * problem.friction * size[:, 0] / size[:, -1]
-    shut = np.ones(pairs, dtype=bool)
-    while shut.any():
-        at = np.flatnonzero(np.repeat(shut, dim))
-        own, ways = np.linalg.eigh(alike[np.ix_(at, at)])
-        counts = own > _RANK * own[-1]
-        if shut.all() and counts.all():
-            return None
-        ways = np.ascontiguousarray(ways[:, counts])
-        force = (ways @ ((ways.T @ right[at]) / own[counts])).reshape(-1, dim)
-        fine, held = in_cones(ways, force, bounds[shut], 0.5 * _INSIDE, _SEARCH)
-        if fine:
-            found = np.zeros((pairs, dim))
-            found[shut] = held
-            return np.asarray(size * found)
-        pulls = force[:, 0] < -_ROUNDING * np.abs(force).max()
-        if not pulls.any():
-            break
-        shut[shut] = ~pulls
-    return None
+    matrix = np.ascontiguousarray(full(problem.matrix))
+    law = problem.offset, problem.friction, problem.scales()
+    fine, found = stuck_forces(matrix, *law, (_RANK, _ROUNDING, _INSIDE), _SEARCH)
+    return np.asarray(found) if fine else None
