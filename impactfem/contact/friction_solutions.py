@@ -136,8 +136,7 @@ def stuck(problem: ConeProblem) -> Floats | None:
         Forces (pairs, dim); None where they do not depend on each other, where some are moments,
         or none were found well within their cones.
     """
-    pairs, dim = problem.offset.shape
-    if pairs < 2 or not problem.pushes.all() or problem.base.any():
+    if len(problem.offset) < 2 or not problem.pushes.all() or problem.base.any():
         return None
     matrix = np.ascontiguousarray(full(problem.matrix))
     law = problem.offset, problem.friction, problem.scales()
