@@ -19,7 +19,7 @@ Solutions exist for all mu where contacts can open all at once, but need not be 
 Math. Methods Appl. Sci. 5 (1983) 422-437). What is not found is said with the least residual.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -137,8 +137,9 @@ def solve_cones(
     problem, start = _yielding(problem, start)
     force, total, accuracy = np.zeros_like(start), 0, accuracy or Accuracy()
     wrong = np.ones(len(start), dtype=bool)
-    if len(start) <= _FEW:
-        start = _canonical(problem, start)
+    islands = _islands(problem) if len(start) <= _FEW else None
+    if islands is not None:
+        start = _canonical(problem, start, islands)
     if isinstance(problem.matrix, Rooted):
         many = Many(problem, tolerance)
         force, wrong = many.swept(start, accuracy)
@@ -146,7 +147,7 @@ def solve_cones(
         if accuracy.asked is not None:
             left = many.residual(force)
             accuracy.reached = max(accuracy.reached, min(left, accuracy.asked))
-    for pairs in _islands(problem) if wrong.any() else ():
+    for pairs in (islands or _islands(problem)) if wrong.any() else ():
         if not wrong[pairs].any():
             continue
         whole = len(pairs) == len(start)
@@ -161,14 +162,17 @@ def solve_cones(
     return force, total
 
 
-def _canonical(problem: ConeProblem, start: Floats) -> Floats:
+def _canonical(problem: ConeProblem, start: Floats, islands: Sequence[Integers]) -> Floats:
     """Forces to begin with: those of stick where forces depend on each other.
 
     Where these obey the law it is at once solved; else what slips does not hang on how forces came.
     """
     found = start.copy()
-    for pairs in _islands(problem):
-        if len(pairs) > 1 and (force := stuck(problem.part(pairs))) is not None:
+    for pairs in islands:
+        if len(pairs) == 1:
+            continue
+        part = problem if len(pairs) == len(start) else problem.part(pairs)
+        if (force := stuck(part)) is not None:
             found[pairs] = force
     return found
 

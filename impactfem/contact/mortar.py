@@ -237,7 +237,9 @@ def _gather(
     chosen = np.flatnonzero(area > least * full)
     normal = -unit(vectors[chosen])
     scale = 1.0 / area[chosen]
-    weights = [csr_array(part[chosen].multiply(scale[:, None])) for part in integrals]
+    weights = [part[chosen] for part in integrals]
+    for part in weights:
+        part.data *= np.repeat(scale, np.diff(part.indptr))
     way = weights[0] @ carrier.points - weights[1] @ other.points
     return MortarPairs(
         chosen,

@@ -22,6 +22,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats, Integers
+from impactfem.contact.sparse_rows import across, times
 
 _FLAT = 1e-12  # share of its trace below which a patch's J tells no spin
 
@@ -83,7 +84,7 @@ class TurningGaps:
 
     def relative(self, values: Floats) -> Floats:
         """Theta x d for displacements (nodes, dim), (all gaps, dim)."""
-        theta = (self.spins @ values.ravel()).reshape(len(self.rows), -1)
+        theta = times(self.spins, values.ravel()).reshape(len(self.rows), -1)
         found = np.zeros(self.shape)
         found[self.rows] = np.einsum("gtk,gt->gk", _crossing(self.ways), theta)
         return found
@@ -91,8 +92,7 @@ class TurningGaps:
     def spread(self, forces: Floats) -> Floats:
         """The transpose: of forces in the gaps (all gaps, dim), on the nodes (nodes, dim)."""
         moments = np.einsum("gtk,gk->gt", _crossing(self.ways), forces[self.rows])
-        found: Floats = (self.spins.T @ moments.ravel()).reshape(-1, self.shape[1])
-        return found
+        return across(self.spins, moments.ravel()).reshape(-1, self.shape[1])
 
     def units(self, rows: Integers, directions: Floats) -> Floats:
         """`spread` of unit forces in some gaps, (rows, ways, nodes, dim).

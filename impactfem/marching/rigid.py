@@ -86,6 +86,7 @@ class RigidBodies(Meshless):
         self.massive = self.volatile = np.ones(ends[-1], dtype=bool)
         self.radiating = ~self.massive
         self._root_ends = np.arange(dim * ends[-1] + 1) * (1 + dim * (dim - 1) // 2)
+        self._roots: csr_matrix | None = None
         self._rolls = bool(self._roll.any() or self._following.any() or self._rims)
         self._offset = self._following  # from nodes to where they touch
         self._loads = np.zeros((2, len(bodies), 3))
@@ -481,9 +482,11 @@ class RigidBodies(Meshless):
         way, count, dim = np.sqrt(0.5) * self._span, len(self._mass), self._dim
         light = 1.0 / np.sqrt(self._mass[:, 0])
         entries = root_entries(self.apart, self.acting, way * light, way**2 * self.freedom, dim)
-        return self.massive, csr_matrix(
-            (*entries, self._root_ends), shape=(len(self.apart) * dim, count * dim * (dim + 1) // 2)
-        )
+        if self._roots is None:
+            shape = len(self.apart) * dim, count * dim * (dim + 1) // 2
+            self._roots = csr_matrix((*entries, self._root_ends), shape=shape)
+        self._roots.data = entries[0]  # in the same places
+        return self.massive, self._roots
 
     def spins(self) -> Floats:
         """Velocities where nodes touch by unit spins in the layer [m], (turns, count, dim)."""
