@@ -57,6 +57,7 @@ class Tree:
         self.single = {model.names[k]: int(model.idx_vs[k]) for k in single}
         self._first = {model.names[k]: int(model.idx_qs[k]) for k in single}
         self.free = model.njoints > 1 and model.parents[1] == 0 and model.nvs[1] == 6
+        self._below = np.tril_indices(self.rates, -1)
         self.mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
 
     @property
@@ -130,8 +131,9 @@ class Tree:
     def inertia(self, q: Floats) -> Floats:
         """Mass matrix M(q), (v, v)."""
         size = self.rates  # Pinocchio drops axes of length 1
-        found = np.triu(np.reshape(self._pin.crba(self.model, self._data, q), (size, size)))
-        whole = self._fixed(q, found + np.triu(found, 1).T)
+        found = np.array(self._pin.crba(self.model, self._data, q)).reshape(size, size)
+        found[self._below] = found.T[self._below]  # it fills in what is above
+        whole = self._fixed(q, found)
         return self._fixed(q, whole.T.copy()) if self.free else whole
 
     def whirl(self, q: Floats, v: Floats) -> Floats:
