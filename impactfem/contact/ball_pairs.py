@@ -6,6 +6,7 @@ the moment of momentum. The closest places are found anew in each layer.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -14,7 +15,7 @@ from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.ball_kernels import reached
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of, weights_on
+from impactfem.contact.meeting import Anew, Edges, Meeting, Turning, patch_of, weights_on
 from impactfem.contact.mortar_surface import Surface
 
 _SAME = 1e-9  # share of a distance by which two count as the same
@@ -22,6 +23,7 @@ _ALIKE = 0.9  # cosine of directions from which two closest places count as one
 _RIM = 0.01  # share of a face by which what slides off an open surface is still on it
 _TINY = np.finfo(float).tiny
 _FARTHER = 1.5  # times the distance of the closest place, others that are looked at
+_CURVE = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
 _FEW = 64  # simplices that are all looked at
 
 
@@ -65,6 +67,51 @@ class Target:
         """Some of its simplices, (simplices,)."""
         signs = None if self.signs is None else self.signs[chosen]
         return Target(self.nodes, self.simplices[chosen], signs, self.radius, self.rims[chosen])
+
+    def edges(self, places: Floats) -> Edges:
+        """Its axis with all contact nodes at some places (nodes, 3)."""
+        around, shapes = self.curves
+        curves = np.einsum("lpn,lnd->lpd", shapes, places[self.nodes[around]])
+        lines, radius = self.simplices, self.radius[self.simplices].mean(axis=1)
+        return Edges(curves, radius, lines, np.zeros((len(lines), 2, 3)))
+
+    def weighed(self, lines: Integers, shares: Floats) -> tuple[Floats, Integers]:
+        """Weights of its nodes in places on its axis, and these among all, (places, k) each."""
+        around, shapes = self.curves
+        powers = shares[:, None] ** np.arange(4)
+        return np.einsum("cp,cpn->cn", powers, shapes[lines]), self.nodes[around[lines]]
+
+    def pushed(
+        self, edges: Integers, shares: Floats, at: Floats, *_: Floats
+    ) -> tuple[Floats, Integers, Floats]:
+        """Weights of its nodes in forces where its axis is crossed, these, and no more ways.
+
+        See `impactfem.contact.convex_pairs.Marked.pushed`.
+        """
+        return *self.weighed(edges, shares), np.zeros_like(at)
+
+    @cached_property
+    def curves(self) -> tuple[Integers, Floats]:
+        """Nodes around each line, (lines, k), and their shapes: coefficients, (lines, 4, k).
+
+        Of a chain of lines they are those of the cubic curve through its nodes whose slope at each
+        is that between its neighbours (E. Catmull, R. Rom, Computer aided geometric design (1974)
+        317-326): it has no kinks, bends as a parabola does, and moves as the nodes do. Other lines
+        are straight.
+        """
+        lines, count = self.simplices, len(self.simplices)
+        straight = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
+        if count < 2 or (lines != np.arange(count)[:, None] + [0, 1]).any():
+            return lines, np.broadcast_to(straight, (count, 4, 2))
+        around = np.clip(np.arange(count) - 1, 0, max(0, count - 3))[:, None] + np.arange(
+            min(4, count + 1)
+        )
+        # Beyond its ends the curve goes on as a parabola.
+        beyond = np.eye(count + 3, count + 1, -1)
+        beyond[0, :3] = beyond[-1, :-4:-1] = [3.0, -3.0, 1.0]
+        each = np.stack([beyond[k : k + count] for k in range(4)], axis=1)
+        shapes = _CURVE @ np.take_along_axis(each, around[:, None], axis=2)
+        return around, shapes
 
     def normals(self, places: Floats) -> Floats:
         """Outward normals of its faces, their length that of the areas, (simplices, dim)."""

@@ -18,7 +18,7 @@ from scipy.sparse import csr_matrix
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.convex_kernels import inverted, nearest_rotation, separate, touching
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of
+from impactfem.contact.meeting import Anew, Edges, Meeting, Turning, patch_of
 from impactfem.scene.obstacles.rotation import AT_REST, Placement, placement
 from impactfem.system.convex import Carrier, Convex
 from impactfem.system.rigid import in_space
@@ -26,6 +26,7 @@ from impactfem.system.rigid import in_space
 type Pose = tuple[Floats, Floats]
 """Centre (3,) and rotation (3, 3) of a body."""
 
+_DEEP = 0.25  # of its thickness: what lies deeper behind an edge is on another side
 _MOST = 8  # gaps of two bodies with faces in space
 
 
@@ -84,6 +85,43 @@ class Marked:
             found[:, dim + 1 :] = (at - core)[:, :dim] / self.unit
         found[:, 0] = 1.0 - found[:, 1:].sum(axis=1)
         return found
+
+    def edges(self, places: Floats) -> Edges:
+        """Its edges with all contact nodes at some places; of a cylinder its axis."""
+        shape, pose = self.shape, self.pose(places, np.zeros(3))
+        round_ = shape.axis is not None
+        corners = shape.spine(*pose)[0] if round_ else shape.placed(*pose)[0]
+        pairs = np.array([[0, 1]]) if round_ else shape.edges
+        curves = np.zeros((len(pairs), 4, 3))
+        curves[:, 0] = corners[pairs[:, 0]]
+        curves[:, 1] = corners[pairs[:, 1]] - curves[:, 0]
+        radius = np.full(len(pairs), shape.radius + shape.girth)
+        if round_ or not len(shape.normals):
+            return Edges(curves, radius, pairs - 2 * round_, np.zeros((len(pairs), 2, 3)))
+        return Edges(curves, radius, pairs, shape.beside @ pose[1].T, _DEEP * shape.thickness)
+
+    def pushed(
+        self,
+        edges: Integers,  # noqa: ARG002  (places tell)
+        shares: Floats,  # noqa: ARG002
+        at: Floats,
+        n: Floats,
+        places: Floats,
+    ) -> tuple[Floats, Integers, Floats]:
+        """Weights of its nodes in forces where edges are crossed, these, and what they do not tell.
+
+        Args:
+            edges: Which are crossed, (crossings,).
+            shares: Of these up to the crossing, (crossings,).
+            at: Places of its surface there [m], (crossings, 3).
+            n: Directions from it, (crossings, 3).
+            places: Of all contact nodes [m], (nodes, 3).
+
+        Returns:
+            Shapes (crossings, k) twice, and (crossings, 3) [m] as `Turning.beyond` has it.
+        """
+        own = self.weights(at, -n, self.pose(places, np.zeros(3)), places)
+        return own, np.broadcast_to(self.nodes, own.shape), -own @ self.arms
 
     @cached_property
     def arms(self) -> Floats:

@@ -23,6 +23,25 @@ class Turning(NamedTuple):
     beyond: Floats | float = 0.0
 
 
+class Edges(NamedTuple):
+    """Lines that others may cross.
+
+    Attributes:
+        curves: Coefficients of 1, s, s^2, s^3 of their places [m], s from 0 to 1, (edges, 4, 3).
+        radius: Around them [m], (edges,).
+        corners: Which node or corner each end is, -1: none, (edges, 2).
+        normals: Outward ones of the faces that meet at them, the first one of the face that lies
+            to the left seen from outside; 0 if there are none, (edges, 2, 3).
+        deep: What lies farther behind them is on another side [m].
+    """
+
+    curves: Floats
+    radius: Floats
+    corners: Integers
+    normals: Floats
+    deep: float = 0.0
+
+
 @dataclass(frozen=True)
 class Meeting:
     """Weighted gaps between two surfaces at given places.

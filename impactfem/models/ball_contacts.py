@@ -14,6 +14,7 @@ from impactfem.contact.ball_pairs import BallPair, Target
 from impactfem.contact.body_pairs import Side
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.convex_pairs import Marked
+from impactfem.contact.crossings import AxisPair
 from impactfem.contact.line_pairs import LinePair
 from impactfem.contact.meeting import NodeMeet
 from impactfem.contact.mortar_surface import Surface
@@ -252,6 +253,7 @@ def ball_meetings(
     shapes = Shapes.of(model.few, offsets)
     found: list[BallMeeting] = []
     flat = model.scene.dim == 1
+    thin = {body.name for body in model.scene.bodies if body.is_slender and body.dim == 3}
     for label, (one, on_one), (two, on_two) in named_body_pairs(model.scene, alike):
         # A law names the ends that meet; without any all do.
         first = sides[one](on_one or ("",) if asked else None, two) if one in sides else None
@@ -262,7 +264,7 @@ def ball_meetings(
         for name, on, other, side in looks:
             for shape in shapes.meeting(name, on, other):
                 if side is not None and not shapes.meeting(other, None, name):
-                    found += _on_other(label, name, shape, side, offsets[-1])
+                    found += _on_other(label, name, shape, side, offsets[-1], other in thin)
         if first is None or second is None or not (len(first.nodes) and len(second.nodes)):
             continue
         if isinstance(first, _Faces) or isinstance(second, _Faces):
@@ -270,7 +272,8 @@ def ball_meetings(
         elif flat:
             found += _on_line(label, first, second, offsets[-1], asked=asked)
         else:
-            found += _slender(label, first, second, offsets[-1], asked=asked)
+            crosses = one in thin or two in thin
+            found += _slender(label, first, second, offsets[-1], asked=asked, crosses=crosses)
     found += [BallMeeting(*each) for each in convex_meetings(model.scene, model.few, offsets)]
     return found + [BallMeeting(*each) for each in tip_meetings(model.scene, model.few, offsets)]
 
@@ -339,18 +342,23 @@ def _on_solid(
 
 
 def _on_other(
-    label: str, name: str, body: Marked, other: _Balls | _Faces, total: int
+    label: str, name: str, body: Marked, other: _Balls | _Faces, total: int, crosses: bool
 ) -> list[BallMeeting]:
     """A rigid body with edges and faces, or that rolls, on one that deforms."""
     patch = other.target.signs is not None and len(body.shape.vertices) > 1
     return [
         BallMeeting(label, (other.name, name), (other.name, name)[told], pair, patch=patch)
-        for told, pair in on_others(body, other.target, total)
+        for told, pair in on_others(body, other.target, total, crosses=crosses)
     ]
 
 
-def _slender(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -> list[BallMeeting]:
-    """Two bodies without meshes: nodes of each on the axis of the other, if it has one."""
+def _slender(
+    label: str, one: _Balls, two: _Balls, total: int, *, asked: bool, crosses: bool
+) -> list[BallMeeting]:
+    """Two bodies without meshes: nodes of each on the axis of the other, if it has one.
+
+    In space axes may cross between nodes.
+    """
     if one.thinnest + two.thinnest <= 0.0:
         if not asked:
             return []
@@ -362,6 +370,10 @@ def _slender(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -
     pairs = [(one, two)] if len(two.lines) or not len(one.lines) else []
     pairs += [(two, one)] if len(one.lines) else []
     met = [(a, BallPair(a.nodes, a.radius, b.target, total)) for a, b in pairs]
+    if crosses and one.lines.shape[1] == two.lines.shape[1] == 2 and len(pairs) == 2:
+        (_, own), (_, other) = met
+        axes = AxisPair(other.target, own.target, own, other)
+        return [BallMeeting(label, names, one.name, axes, patch=False)]
     return [
         BallMeeting(label, names, a.name, pair, patch=False, single=pair if pair.single else None)
         for a, pair in met

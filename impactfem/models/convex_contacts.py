@@ -10,6 +10,7 @@ import numpy as np
 from impactfem.contact.ball_pairs import RollingPair, Target
 from impactfem.contact.convex_nodes import CornersOnFaces, NodesOnConvex
 from impactfem.contact.convex_pairs import ConvexPair, LedPair, Marked, Placed
+from impactfem.contact.crossings import AxisPair
 from impactfem.contact.ridges import OnRidges
 from impactfem.scene import Scene
 from impactfem.scene.obstacles.faces import square_to
@@ -24,8 +25,8 @@ _ENDLESS = 2.0  # an endless obstacle is taken so many reaches of a body to both
 
 
 def on_others(
-    body: Marked, target: Target, total: int
-) -> Iterator[tuple[bool, NodesOnConvex | CornersOnFaces | RollingPair]]:
+    body: Marked, target: Target, total: int, *, crosses: bool
+) -> Iterator[tuple[bool, NodesOnConvex | CornersOnFaces | RollingPair | AxisPair]]:
     """Gaps between a rigid body and one that deforms, and whether forces on the first are told.
 
     A ball is held off what is between nodes only: it would roll over nodes as over teeth.
@@ -34,6 +35,7 @@ def on_others(
         body: The rigid one.
         target: The other one: its nodes, and what is between them.
         total: Number of all contact nodes.
+        crosses: Whether that is an axis in space, which edges may cross between nodes.
     """
     shape, nodes = body.shape, body.nodes
     if len(shape.vertices) == 1:
@@ -43,7 +45,11 @@ def on_others(
             RollingPair(nodes[:1], radius, target, total, followers=followers, unit=body.unit),
         )
         return
-    yield False, NodesOnConvex(target.nodes, target.radius, body, total)
+    on_body = NodesOnConvex(target.nodes, target.radius, body, total)
+    if crosses:
+        yield False, AxisPair(target, body, on_body, CornersOnFaces.of(body, target, total))
+        return
+    yield False, on_body
     if target.simplices.shape[1] > 1:
         yield True, CornersOnFaces.of(body, target, total)
 

@@ -112,6 +112,7 @@ class Beam(Slender):
 
     kind: ClassVar[str] = "beam"
     may_meet_nothing: ClassVar[bool] = True
+    meets_edges: ClassVar[bool] = True
     in_elements: ClassVar[bool] = True
     round_ends: ClassVar[bool] = False
     settles: ClassVar[bool] = True
@@ -213,11 +214,6 @@ class Beam(Slender):
     def has_coordinates(self) -> bool:  # type: ignore[override]
         """Methods of few degrees of freedom take beams that are held in the plane if asked for."""
         return bool(self.supports) and not self.in_space
-
-    @property
-    def meets_edges(self) -> bool:  # type: ignore[override]
-        """In the plane."""
-        return not self.in_space
 
     @property
     def along(self) -> Floats:

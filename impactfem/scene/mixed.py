@@ -39,7 +39,6 @@ def check_mixed(scene: Content) -> None:
             _check_contact(scene, contact, f"contact[{origin}]", known)
             checked.update(new)
     _check_partners(scene)
-    _check_crossings(scene)
     alone = not (scene.obstacles or scene.joints) and len(scene.bodies) == 1
     if alone and not all(body.may_meet_nothing for body in scene.bodies):
         raise KeyedError("obstacle", "", " is missing: nothing can be hit; add an [[obstacle]].")
@@ -106,18 +105,6 @@ def _check_partners(scene: Content) -> None:
                 text += f"{obstacle.name} may meet edges and faces of {body.name}, and is not "
                 text += "convex; give boxes, a half_space, or a body that is a ball."
                 raise KeyedError("contact", "", text)
-
-
-def _check_crossings(scene: Content) -> None:
-    """Refuse slender bodies in space that would meet each other: they may cross between nodes."""
-    thin = {body.name for body in scene.bodies if body.dim == 3 and body.is_slender}
-    if len(thin) < 2:
-        return
-    for name, *sides in named_body_pairs(scene):
-        if all(side[0] in thin for side in sides):
-            text = f" of {sides[0][0]} and {sides[1][0]} ({name}) is not available: their axes "
-            text += "may cross between nodes; list the pairs that may meet by [[contact]]."
-            raise KeyedError("contact", "", text)
 
 
 def _check_convex(body: Body, what: str) -> None:

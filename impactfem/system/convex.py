@@ -163,6 +163,19 @@ class Convex:
         return int(np.diff(self.starts).max()) if len(self.normals) else len(self.vertices)
 
     @cached_property
+    def beside(self) -> Floats:
+        """Normals of the faces that meet at each edge, 0 without any, (edges, 2, 3).
+
+        The first one is that of the face to the left of the edge, seen from outside.
+        """
+        found = np.zeros((len(self.edges), 2, 3))
+        place = {(int(i), int(j)): k for k, (i, j) in enumerate(self.edges)}
+        for loop, normal in zip(np.split(self.loop, self.starts[1:-1]), self.normals, strict=False):
+            for i, j in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True):
+                found[place[min(i, j), max(i, j)], int(i > j)] = normal
+        return found
+
+    @cached_property
     def simplices(self) -> Integers:
         """Triangles of its faces, in the plane their lines; without faces its line or point."""
         if not len(self.normals):

@@ -260,9 +260,3 @@ def test_what_cannot_be_is_refused(change, key, remedy):
         Beam(**STEEL | SIZES | {"center": [0.0, 0.0, 0.0]} | change)
     assert key in str(caught.value)
     assert remedy in str(caught.value)
-
-
-def test_beams_that_may_cross_between_nodes_are_refused():
-    beams = [Beam(name=n, **STEEL, **SIZES, center=[0.0, 0.0, z]) for n, z in (("a", 0), ("b", 1))]
-    with pytest.raises(SceneError, match="cross between nodes"):
-        run(beams, 1e-3, 1e-5, (0.0, 0.0, 0.0))
