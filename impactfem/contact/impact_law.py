@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import cho_solve
 
-from impactfem.arrays import Floats
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.complementarity import solve_by_active_set
 from impactfem.errors import ConvergenceError
 
@@ -31,6 +31,7 @@ _MAX_BINARY = 100_000
 _WRONG = 1e-10  # share of the largest offset by which a solution may miss
 _COMPLIANCE = 1e-12  # of constraints with unit diagonal
 _AT_REST = 1e-13  # share of the largest normal velocity that counts as none
+_TOGETHER = 1e-9  # of a time step: contacts that close within it close together
 
 
 @dataclass(frozen=True)
@@ -126,18 +127,95 @@ def resolve_impact(
 
 def _sequential(matrix: Floats, before: Floats, restitution: Floats) -> Floats:
     """Impulses of two-body impacts, the fastest approach first."""
-    speed, total = before.copy(), np.zeros(len(before))
-    size = float(np.abs(before).max())
+    none = np.zeros(len(before))
+    bodies = Approach(before[:, None], none, restitution, none, none)
+    return in_turn(matrix, bodies, 0.0)[0][:, 0]
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Contacts that an impact reaches, before it; what is along normals first, then tangents.
+
+    Attributes:
+        speed: In units in which the matrix answers, < 0 approaching, shape (n, ways).
+        gap: In these units times that of ``span``, shape (n,); closed ones may be negative.
+        restitution: Of normal speeds, shape (n,).
+        rebound: Of slips, as far as friction allows, shape (n,).
+        friction: Coulomb's coefficients, shape (n,).
+    """
+
+    speed: Floats
+    gap: Floats
+    restitution: Floats
+    rebound: Floats
+    friction: Floats
+
+    def strike(self, matrix: Floats, speed: Floats, rows: Integers) -> Floats:
+        """Impulses of some contacts at once, by Moreau's law with Coulomb's, (rows, ways).
+
+        Args:
+            matrix: Answers of speeds to impulses, shape (n ways, n ways).
+            speed: Before, shape (n, ways).
+            rows: The contacts.
+        """
+        ways = speed.shape[1]
+        wide = (ways * rows[:, None] + np.arange(ways)).ravel()
+        own = matrix[np.ix_(wide, wide)]
+        offset = (1.0 + self.rebound[rows, None]) * speed[rows]
+        offset[:, 0] = (1.0 + self.restitution[rows]) * speed[rows, 0]
+        found = np.zeros_like(offset)
+        if self.friction[rows].any():
+            from impactfem.contact.friction_newton import ConeProblem  # noqa: PLC0415  (rare)
+            from impactfem.contact.friction_solver import Solving, solve  # noqa: PLC0415
+
+            law = ConeProblem(own, offset, self.friction[rows], np.zeros(len(rows)))
+            how = Solving.to(_WRONG * float(np.abs(offset).max()))
+            return solve(law, found, how)[0]
+        if len(rows) == 1:
+            found[0, 0] = max(0.0, -offset[0, 0] / own[0, 0])
+        else:
+            found[:, 0] = complementarity(own[::ways, ::ways], offset[:, 0])
+        return found
+
+
+def in_turn(
+    matrix: Floats, bodies: Approach, span: float, rest: float = _AT_REST
+) -> tuple[Floats, Floats]:
+    """Two-body impacts one after the other, until none approaches within a time.
+
+    That which closes first comes first, and of those that close together the fastest.
+
+    Args:
+        matrix: Answers of speeds to impulses, shape (n ways, n ways).
+        bodies: Before the first.
+        span: The time.
+        rest: Share of the fastest approach that counts as none.
+
+    Returns:
+        Impulses and speeds after, shape (n, ways) each.
+
+    Raises:
+        ConvergenceError: The impacts did not come to an end.
+    """
+    speed, total = bodies.speed.copy(), np.zeros_like(bodies.speed)
+    gap, ways, left = np.maximum(bodies.gap, 0.0), speed.shape[1], span
+    least = -rest * float(np.abs(speed[:, 0]).max(initial=0.0))
     for _ in range(_MAX_BINARY):
-        worst = int(np.argmin(speed))
-        if speed[worst] >= -_AT_REST * size:
-            return total
-        impulse = -(1.0 + restitution[worst]) * speed[worst] / matrix[worst, worst]
-        total[worst] += impulse
-        speed += impulse * matrix[:, worst]
+        coming = np.flatnonzero(speed[:, 0] < least)
+        after = gap[coming] / -speed[coming, 0]
+        first = float(after.min(initial=np.inf))
+        if first > left + _TOGETHER * span:
+            return total, speed
+        gap, left = np.maximum(gap + first * speed[:, 0], 0.0), left - first
+        soon = coming[after <= first + _TOGETHER * span]
+        one = soon[[np.argmin(speed[soon, 0])]]
+        impulse = bodies.strike(matrix, speed, one)[0]
+        total[one] += impulse
+        own = slice(ways * one[0], ways * (one[0] + 1))
+        speed += (matrix[:, own] @ impulse).reshape(speed.shape)
     raise ConvergenceError(
         f"contact: {_MAX_BINARY} two-body impacts at one instant did not separate "
-        f"{len(before)} constraints; use the simultaneous law"
+        f'{len(speed)} constraints; use impact_law = "simultaneous"'
     )
 
 

@@ -170,7 +170,9 @@ class Layer:
             moments = np.searchsorted(rows, moments[0][rows]), moments[1][rows]
         if halfway is not None:
             law = halfway
-            halfway = Halfway(law.rows[rows], law.way[rows], law.ends[rows], self.across[rows])
+            across, touching = self.across[rows], law.touching
+            touching = None if touching is None else touching[rows]
+            halfway = Halfway(law.rows[rows], law.way[rows], law.ends[rows], across, touching)
         return Layer(
             self.free[rows], among(self.response, wide), among(self.static, wide),
             (self.before[0][rows], self.before[1][rows]),
@@ -227,7 +229,11 @@ def keeping(rule: Rule, springs: ContactSprings | None) -> Rule:
 
 
 def solve_layer(
-    layer: Layer, rule: Rule, how: Solving, poisson: Floats | None = None
+    layer: Layer,
+    rule: Rule,
+    how: Solving,
+    poisson: Floats | None = None,
+    given: Floats | None = None,
 ) -> LayerContact:
     """Find the contact forces of a layer.
 
@@ -240,24 +246,36 @@ def solve_layer(
         rule: How theta is chosen; with friction "middle" is for nodes with mass, D = 0.
         how: How problems are solved.
         poisson: Poisson's restitution in layers with an impact, else 0, (pairs,); None: 0.
+        given: Forces of impacts that came one after the other [N], (pairs, ways); None: they come
+            at once.
 
     Raises:
         ConvergenceError: The active set, stick and slip or theta were not found.
     """
+    if given is not None:
+        return _beside(layer, rule, how, given)
     found = _once(layer, rule, how)
     if poisson is None or layer.halfway is None or not poisson.any():
         return found
     given = np.zeros_like(layer.free)
     given[:, 0] = expanded(poisson, found.force[:, 0], layer.before[0][:, 0])
-    moved = _times(layer.response, given)
-    law, free = layer.halfway, layer.free + moved
+    return _beside(layer, rule, how, given)
+
+
+def _beside(layer: Layer, rule: Rule, how: Solving, given: Floats) -> LayerContact:
+    """Forces of a layer of which some are given on gaps of velocities, what is added included."""
+    moved, law = _times(layer.response, given), layer.halfway
+    if law is None:
+        raise ValueError("forces are given where the law acts on velocities")
+    free = layer.free + moved
     # Gaps of velocities still act where they would close without forces.
     free[law.rows, 0] = layer.free[law.rows, 0]
     found = _once(replace(layer, free=free, halfway=replace(law, way=law.way + moved)), rule, how)
     place = found.place.copy()
     place[law.rows, 0] += moved[law.rows, 0]
     force, multiplier = found.force + given, found.multiplier + given
-    return replace(found, force=force, multiplier=multiplier, place=place)
+    work = found.work + _work(given, place, layer.before[1])
+    return replace(found, force=force, multiplier=multiplier, place=place, work=work)
 
 
 def _once(layer: Layer, rule: Rule, how: Solving) -> LayerContact:

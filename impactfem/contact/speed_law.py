@@ -33,12 +33,15 @@ class Halfway:
         ends: Which of the gaps are those of ends of bars, shape (pairs,).
         across: Which of the other gaps have springs and no massless nodes, shape (pairs,): only
             what is tangential acts on velocities, and has forces of the layer alone. None: none.
+        touching: Which take part though they would not close, as impacts reach them, shape
+            (pairs,). None: none.
     """
 
     rows: Booleans
     way: Floats
     ends: Booleans
     across: Booleans | None = None
+    touching: Booleans | None = None
 
     @property
     def acts(self) -> bool:
@@ -47,7 +50,8 @@ class Halfway:
 
     def acting(self, gap: Floats) -> NDArray[np.int64]:
         """Gaps to be solved: those of positions, and of the others what would close."""
-        return np.flatnonzero(~self.rows | self.ends | (gap <= 0.0))
+        takes = ~self.rows | self.ends | (gap <= 0.0)
+        return np.flatnonzero(takes if self.touching is None else takes | self.touching)
 
     def components(self) -> Booleans:
         """Which components of the gaps act on velocities, (pairs, ways)."""
@@ -59,8 +63,12 @@ class Halfway:
 
 def rebound(before: Floats, after: Floats, restitution: Floats, half: float) -> Floats:
     """(w_b + e w_a) dt / 2 of normal velocities [m], by dt / 2; see `Halfway`."""
-    lively = np.where(before > 0.0, 1.0, restitution)
-    return np.asarray(half * (after + lively * before))
+    return np.asarray(half * (after + returned(before, restitution)))
+
+
+def returned(before: Floats, restitution: Floats) -> Floats:
+    """Normal speeds that a layer has to give back, (pairs,); see `Halfway`."""
+    return np.where(before > 0.0, 1.0, restitution) * before
 
 
 def expanded(restitution: Floats, compression: Floats, before: Floats) -> Floats:

@@ -14,12 +14,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from impactfem.arrays import Booleans, Floats
+from impactfem.arrays import Floats
+from impactfem.contact.speed_law import returned
 
 _SHARE = 1e-3  # of a step, over which speeds of obstacles are measured
 
 
-def way_ahead(speed: Floats, restitution: Floats, rebound: Floats | float, step: float) -> Floats:
+def way_ahead(
+    speed: Floats, restitution: Floats, rebound: Floats | float, step: float, gained: Floats | float
+) -> Floats:
     """What the law adds to the increments [m], (gaps, ways).
 
     Args:
@@ -27,24 +30,23 @@ def way_ahead(speed: Floats, restitution: Floats, rebound: Floats | float, step:
         restitution: Newton's e, (gaps,).
         rebound: That of the slip where nodes arrive, (gaps,).
         step: [s].
+        gained: What impacts that came one after the other changed of the speeds, (gaps, ways).
     """
-    share = np.ones_like(speed)
-    share[:, 0] = np.where(speed[:, 0] > 0.0, 0.0, 1.0 - restitution)
-    share[:, 1:] -= np.reshape(rebound, (-1, 1))
-    found: Floats = -0.5 * step * share * speed
-    return found
+    back = speed + gained
+    back[:, 0] = returned(back[:, 0], restitution)
+    back[:, 1:] *= np.reshape(rebound, (-1, 1))
+    return np.asarray(0.5 * step * (back - speed))
 
 
-def arriving(speed: Floats, free: Floats, step: float) -> Booleans:
-    """Gaps that close faster than forces could make them in a step, (gaps,).
+def slow(speed: Floats, free: Floats, step: float) -> Floats:
+    """Speeds that forces could make in a step, beyond which gaps arrive or leave [m/s], (gaps,).
 
     Args:
         speed: Normal speeds at its start [m/s], (gaps,).
         free: Normal increments if contact forces stay as they were [m], (gaps,).
         step: [s].
     """
-    found: Booleans = speed < -2.0 * np.abs(free / step - speed)
-    return found
+    return np.asarray(2.0 * np.abs(free / step - speed))
 
 
 def obstacle_speed(shift: Callable[[float], Floats], start: float, step: float) -> Floats:

@@ -11,8 +11,9 @@ The work Lambda w is 0 for the first, so that energy is kept to rounding for any
 -Lambda max(gap, 0) <= 0 for the second, which does not penetrate; T . s is that of friction, never
 positive. Between bodies the directions turn with them (`impactfem.contact.turning_gaps`), so that
 forces have no moment: momentum and angular momentum are kept too, whoever meets whom. A step in
-which a node would close is cut where it does: what the first law penetrates and the second loses
-are both of the order of the way that is left.
+which a node without mass would close is cut where it does: what the first law penetrates and the
+second loses are both of the order of the way that is left. Between nodes with mass the law acts on
+speeds, of all that would close in a step, as in other marches (`impactfem.marching.impacts`).
 """
 
 from collections.abc import Mapping
@@ -25,14 +26,16 @@ from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import solve
+from impactfem.contact.impact_law import Approach
 from impactfem.contact.speed_law import expanded
 from impactfem.contact.spring_steps import SpringStep
 from impactfem.contact.springs import unresolved
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
 from impactfem.marching.determinacy import Determinacy
+from impactfem.marching.impacts import reached
 from impactfem.marching.newton_bodies import NewtonStepper
-from impactfem.marching.newton_impacts import arriving, obstacle_speed, way_ahead
+from impactfem.marching.newton_impacts import obstacle_speed, slow, way_ahead
 from impactfem.marching.newton_steps import LayerSums, Step
 from impactfem.marching.resisting import Resisting, Turnable
 from impactfem.marching.rubbing import frames, held_by_static, in_space, turned
@@ -66,7 +69,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             self._tangential = settings.rest[2]
         self._law, self._stuck = self._friction, none  # in a step; what did not slip in the last
         self._determinacy = Determinacy()
-        self._least = np.zeros(len(none))  # forces that are given in a step [N], (gaps,)
+        # Forces that are given in a step along its directions [N], (gaps, ways).
+        self._least = np.zeros((len(none), self._normals.shape[1] if self._rubs else 1))
         self._resisting: Resisting | None = None
         law = self._friction
         if law is not None and (law.rolling.any() or law.spinning.any()):
@@ -75,12 +79,12 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             )
 
     def figures(self) -> Mapping[str, Any]:
-        """What is not determined of the forces."""
-        return self._determinacy.figures(self._gaps.pairs)
+        """What is not determined of the forces, and of impacts."""
+        return {**super().figures(), **self._determinacy.figures(self._gaps.pairs)}
 
     def findings(self) -> tuple[Finding, ...]:
         """The same in words, and contacts too short for steps."""
-        found = self._determinacy.findings(self._gaps.pairs)
+        found = (*super().findings(), *self._determinacy.findings(self._gaps.pairs))
         if self._springs is None:
             return found
         pressed = self.rows.indentation[: self.layer + 1]
@@ -238,11 +242,18 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             end: [s].
         """
         after = self._look(then, end)
-        rows = ~closed & (after < 0.0)
+        rows = ~closed & ~self._between_masses & (after < 0.0)
         least, most = _NEAR * self.interior.dt / (end - start), 1.0 - _NEAR
         share = before[rows] / (before[rows] - after[rows])
         share = share[share < most]
         return max(least, float(share.min())) if len(share) and least < most else 1.0
+
+    @property
+    def _between_masses(self) -> Booleans:
+        """Gaps that weigh nodes with mass only and give no way, (gaps,): their law is of speeds."""
+        if not self._by_mass:
+            return np.zeros(len(self._soft), dtype=bool)
+        return self._gaps.only_on(self._massive) & ~self._soft
 
     def _hand_over(self, last: Floats) -> Floats:
         """Forces (gaps,) and all else that nodes take along which slide to another obstacle."""
@@ -264,11 +275,12 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self, start: float, end: float, last: Floats, before: Floats, closed: Booleans
     ) -> Step:
         """A step whose impacts expand (Poisson); arguments and errors are those of `_step`."""
-        self._least = np.zeros(len(last))
+        self._least = np.zeros_like(self._least)
         step = self._held_step(start, end, last, before, closed)
-        if self._poisson is not None and step.struck.any():
+        at_once = self._impacts.law == "simultaneous"
+        if self._poisson is not None and at_once and step.struck.any():
             given = expanded(self._poisson, step.force[:, 0], last)
-            self._least = np.where(step.massive, given, 0.0)
+            self._least[:, 0] = np.where(step.massive, given, 0.0)
             step = self._held_step(start, end, last, before, closed)
         return step if self._resisting is None else replace(step, turned=self._resisting.work())
 
@@ -312,12 +324,16 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         interior.begin(start, end)
         self._begin_law(end - start)
         force: Floats | None = None
-        massive = fresh = np.zeros(len(before), dtype=bool)
+        massive = fresh = shut = np.zeros(len(before), dtype=bool)
         rebound: Floats | float = 0.0
+        gained: Floats | float = 0.0
+        if self._by_mass:
+            gap = self._look(interior.surface_iterate, end)
+            shut = (gap < -self.tolerance) | ((last > 0.0) & (gap <= self.tolerance))
         for iteration in range(_ITERATES):
             place = interior.surface_iterate
             middle = 0.5 * (begin + place)
-            if iteration <= _PAIRED and may.any():
+            if iteration <= _PAIRED and (may.any() or self._by_mass):
                 gaps.at(middle, middle, middle, middle_time)
                 self._looked = None
             normals = gaps.normals_at(middle, middle_time, interior.arms(middle))
@@ -333,11 +349,10 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             apart = way.copy()
             apart[:, 0] += room
             if self._by_mass:
-                loose = gaps.only_on(self._massive)
-                massive = loose & ~self._soft
-                may = np.where(massive, closed, may)
+                loose, massive = gaps.only_on(self._massive), self._between_masses
+                may = np.where(massive, shut, may)
                 speed = self._speed(directions, start, end - start)
-                ahead = way + way_ahead(speed, self._lively, rebound, end - start)
+                ahead = way + way_ahead(speed, self._lively, rebound, end - start, gained)
                 apart[massive, 0], apart[loose, 1:] = ahead[massive, 0], ahead[loose, 1:]
             if left <= 1.0 and self._missed(apart, force, may) <= self.tolerance:
                 massive = massive & (force[:, 0] > 0.0)
@@ -346,9 +361,17 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 return Step(directions, force, way, iteration, shift, massive, struck, rest)
             free = turned(directions, gaps.relative(interior.linearise()))
             if self._by_mass and not iteration:
-                arrived = arriving(speed[:, 0], (way + free)[:, 0], end - start) & massive & closed
+                least = slow(speed[:, 0], (way + free)[:, 0], end - start)
+                arrived = (speed[:, 0] < -least) & massive & shut
                 fresh = arrived & (last == 0.0)
+                shut = massive & reached(
+                    massive & shut, arrived, before - self.tolerance, speed[:, 0] > least
+                )
+                may = np.where(massive, shut, may)
                 rebound = self._rebound(arrived)  # the next iterate sees to it
+                if arrived.any() and self._impacts.asks(np.count_nonzero(shut)):
+                    gained = self._in_turn(shut, (start, end), directions, speed, before, rebound)
+                    rebound = rebound if isinstance(gained, float) else 0.0
             new = self._obeying(apart + free, directions, force, may)
             interior.correct(gaps.spread(in_space(directions, new - force)))
             force = new
@@ -359,6 +382,43 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self._known = {}
         if self._resisting is not None:
             self._resisting.begin(step)
+
+    def _in_turn(
+        self,
+        shut: Booleans,
+        times: tuple[float, float],
+        directions: Floats,
+        speed: Floats,
+        before: Floats,
+        rebound: Floats | float,
+    ) -> Floats | float:
+        """What impacts one after the other change of speeds [m/s], (gaps, ways); 0: all at once.
+
+        Args:
+            shut: Gaps that take part, (gaps,).
+            times: Start and end of the step [s].
+            directions: See `_answers_to`.
+            speed: Along them at its start [m/s], (gaps, ways).
+            before: Gaps there [m], (gaps,).
+            rebound: See `_rebound`.
+        """
+        rows, half = np.flatnonzero(shut), 0.5 * (times[1] - times[0])
+        answers = self._answers_to(rows, directions)
+        size = len(rows) * speed.shape[1]
+        matrix = answers[:, :, rows].reshape(size, size)
+        none = np.zeros(len(speed))
+        lively = self._lively if self._poisson is None else np.maximum(self._lively, self._poisson)
+        mu = none if self._law is None else self._law.coefficients
+        each = (values[rows] for values in (half * speed, before, lively, none + rebound, mu))
+        pairs = self._gaps.pair_of
+        found = self._impacts.given(
+            times[1], lambda: pairs()[rows], 0.5 * (matrix + matrix.T), Approach(*each), 2.0
+        )
+        if found is None:
+            return 0.0
+        self._least = np.zeros_like(self._least)
+        self._least[rows] = found
+        return np.asarray(np.einsum("jb,jbic->ic", found, answers) / half)
 
     def _room(self, last: Floats, before: Floats) -> Floats:
         """What gaps may close by in a step [m], (gaps,), springs taken up; arguments of `_step`."""
@@ -400,7 +460,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             force: [N], (gaps, ways).
             may: Gaps in which there may be forces, (gaps,).
         """
-        normal, pushing = apart[:, 0], force[:, 0] - self._least
+        force = force - self._least
+        normal, pushing = apart[:, 0], force[:, 0]
         if (pushing < 0.0).any():
             return np.inf
         shut = normal
@@ -468,14 +529,13 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             own: Their forces that stay [N], (rows, ways).
             directions: Of the gaps, (rows, ways, dim).
         """
-        least = np.zeros_like(own)
-        least[:, 0] = self._least[rows]
+        least = self._least[rows]
         none = np.zeros(len(rows))
         mu = none if self._law is None else self._law.coefficients[rows]
         springs = None if self._pressed is None else self._pressed.some(rows)
         more = own - least
         offset = apart - (matrix @ more.ravel()).reshape(own.shape)
-        law = ConeProblem(matrix, offset, mu, least[:, 0], springs=springs)
+        law = ConeProblem(matrix, offset, mu, none, springs=springs)
         if self._resisting is None:
             return least + solve(law, more, self._how)[0]
         law, start = self._resisting.beside(law, rows, directions, more)

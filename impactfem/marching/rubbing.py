@@ -105,6 +105,9 @@ class LayerGaps:
         poisson: Poisson's restitution in layers with an impact, else 0, (k,).
         across: Which have springs and slip as those of velocities do, (k,).
         springs: In the gaps; None without any.
+        touching: Which impacts reach though they would not close, (k,).
+        turns: Forces of impacts one after the other [N], and what they change of ``halfway`` [m],
+            along the directions, (k, dim) each; None where they come at once.
     """
 
     rows: Integers
@@ -122,6 +125,8 @@ class LayerGaps:
     poisson: Floats
     across: NDArray[np.bool_]
     springs: ContactSprings | None
+    touching: NDArray[np.bool_]
+    turns: tuple[Floats, Floats] | None = None
 
     def slid(self, place: Floats) -> Floats:
         """Ways to some places (gap, r_t) as the law measures them, along the tangents [m]."""
@@ -215,14 +220,19 @@ def _solve(
         free, share * blocks[0], blocks[1], (old, before), mu, layer.springs,
         held=None if layer.held is None else turned(layer.frames, layer.held)[:, 1:],
     )  # fmt: skip
-    poisson = layer.poisson
+    poisson, given = layer.poisson, None
     if moments is not None or (layer.fast | layer.across).any():
         ways = turned(layer.frames, layer.halfway)
-        made = replace(made, halfway=Halfway(layer.fast, ways, layer.ends, layer.across))
+        if layer.turns is not None:
+            given, ways = layer.turns[0], ways + layer.turns[1]
+        acts = Halfway(layer.fast, ways, layer.ends, layer.across, layer.touching)
+        made = replace(made, halfway=acts)
     if moments is not None:
         made = _resisted(made, moments, share)
-        poisson = np.concatenate([poisson, np.zeros(len(moments.of))])
-    return solve_layer(made, keeping(scheme.rule, layer.springs), law.solving, poisson)
+        none = np.zeros_like(moments.way)
+        poisson = np.concatenate([poisson, none[:, 0]])
+        given = None if given is None else np.concatenate([given, none])
+    return solve_layer(made, keeping(scheme.rule, layer.springs), law.solving, poisson, given)
 
 
 def _resisted(layer: Layer, moments: Moments, share: float) -> Layer:
@@ -248,6 +258,7 @@ def _resisted(layer: Layer, moments: Moments, share: float) -> Layer:
             np.concatenate([law.way, moments.after]),
             np.concatenate([law.ends, ~yes]),
             np.concatenate([layer.across, ~yes]),
+            None if law.touching is None else np.concatenate([law.touching, law.touching[moments.of]]),
         ),
         held=None if layer.held is None else np.concatenate([layer.held, none[:, 1:]]),
         moments=(

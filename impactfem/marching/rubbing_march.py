@@ -1,6 +1,7 @@
 """The time loop with friction: the forces of a layer have tangential parts and do work."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -203,8 +204,11 @@ class RubbingMarch(SolidMarch):
         (fast, ends), halfway = self._laws(count), way
         across = self._across
         stuck = self._stuck(normals, free - last)
+        struck = np.zeros(count, dtype=bool)
         if (fast | ends | across)[taking_part].any():
             halfway = self._rubbing_halfway(normals, free - last, np.where(ends, gap, np.nan))
+            struck = self._struck_gaps(taking_part, gap)
+            taking_part |= struck
         iterations, poisson = 0, self._expanding(count)
         while True:
             rows = np.flatnonzero(taking_part)
@@ -215,9 +219,13 @@ class RubbingMarch(SolidMarch):
                 old_tangential[rows], old_way[rows], None if held is None else held[rows],
                 (fast | ends)[rows], halfway[rows], ends[rows], stuck[rows] > 0.0,
                 poisson[rows], across[rows],
-                None if self._springs is None else self._springs.some(rows),
+                None if self._springs is None else self._springs.some(rows), struck[rows],
             )  # fmt: skip
             blocks = answers.blocks(rows, directions)
+            if struck.any():
+                before = turned(directions, self._slipping[rows])
+                turns = self._in_turn(rows, struck[rows], share * blocks[0], before, state.law)
+                layer = replace(layer, turns=turns)
             moments = self._moments(rows, directions)
             solved, sticks = rub(state.law, self._scheme, layer, blocks, share, moments)
             iterations += solved.iterations
@@ -247,7 +255,7 @@ class RubbingMarch(SolidMarch):
         if moments is not None:
             self._turnable.twist(gaps.spread(moments.in_gaps(rows, count, turning.force)))
             state.work[rows[moments.of]] += turning.work
-        if fast[rows].all():
+        if layer.turns is None and fast[rows].all():
             mu = np.where(sticks, state.law.static[rows], state.law.coefficients[rows])
             law = ConeProblem(
                 share * blocks[0], turned(directions, halfway[rows]),

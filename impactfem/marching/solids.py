@@ -1,17 +1,22 @@
 """Layers of bodies whose answers to forces are linear: predict, find contact forces, end it."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.layer_law import Layer, keeping, solve_layer
-from impactfem.contact.speed_law import Halfway, rebound
+from impactfem.contact.rooted import Matrix, full
+from impactfem.contact.impact_law import Approach
+from impactfem.contact.speed_law import Halfway, rebound, returned
 from impactfem.contact.springs import unresolved
 from impactfem.findings import Finding
 from impactfem.marching.determinacy import Determinacy
+from impactfem.marching.impacts import reached
 from impactfem.marching.layers import Answers, Interior, Rolling
+from impactfem.marching.rubbing import Friction
 from impactfem.marching.staggered import FIRST
 from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
 
@@ -171,9 +176,68 @@ class SolidMarch(TimeLoop[Interior]):
         one, two = _along(normals, before - first), _along(normals, after - second)
         self._mean_way = 0.5 * dt * (one + two)
         # Faster than forces make in one layer, and than rounding.
-        self._arriving = one < -np.maximum(np.abs(two - one), self.tolerance / dt)
-        lively = np.zeros(len(normals)) if self._restitution is None else self._restitution
-        return rebound(one, two, lively, self._reach)
+        slow = np.maximum(np.abs(two - one), self.tolerance / dt)
+        self._arriving, self._leaving = one < -slow, one > slow
+        self._normal_speed = one
+        return rebound(one, two, self._lively, self._reach)
+
+    @property
+    def _lively(self) -> Floats:
+        """Newton's e, (gaps,)."""
+        none = np.zeros(len(self.contact.gap))
+        return none if self._restitution is None else self._restitution
+
+    def _struck_gaps(self, taking_part: Booleans, gap: Floats) -> Booleans:
+        """Gaps between nodes with mass that impacts reach, if there are any, (pairs,)."""
+        if not self._by_mass:
+            return np.zeros(len(gap), dtype=bool)
+        massive = self._fast & self._gaps.only_on(self._massive)
+        closes = massive & taking_part & (gap <= self.tolerance)
+        before = np.where(massive, self.contact.gap - self.tolerance, np.inf)
+        return reached(closes, self._arriving, before, self._leaving)
+
+    def _in_turn(
+        self, rows: Integers, acts: Booleans, matrix: Matrix, before: Floats, law: Friction | None
+    ) -> tuple[Floats, Floats] | None:
+        """Forces of impacts one after the other, and what they change of `Halfway.way`.
+
+        Args:
+            rows: Gaps that take part.
+            acts: Those of them that impacts reach, (rows,).
+            matrix: Answers of all of them [m/N], (rows ways, rows ways).
+            before: Their speeds at the start of the layer [m/s], (rows, ways).
+            law: Of friction; None without.
+
+        Returns:
+            Both of shape (rows, ways); None where impacts come at once.
+
+        Raises:
+            ConvergenceError: Impacts do not come to an end.
+        """
+        asks = self._impacts.asks(int(np.count_nonzero(acts)))
+        if not asks or not (acts & self._arriving[rows]).any():
+            return None
+        at, ways, reach = rows[acts], before.shape[1], self._reach
+        wide, answers = np.repeat(acts, ways), full(matrix)
+        none = np.zeros(len(rows))
+        lively = self._lively if self._poisson is None else np.maximum(self._lively, self._poisson)
+        slips = none if law is None else np.where(self._arriving, law.rebound, 0.0)[rows]
+        mu = none if law is None else law.coefficients[rows]
+        bodies = Approach(
+            reach * before[acts], self.contact.gap[at], lively[at], slips[acts], mu[acts]
+        )
+        time, pair_of = (self.layer + 1) * self.interior.dt, self._gaps.pair_of
+        own = answers[np.ix_(wide, wide)]
+        span = self.interior.dt / reach
+        found = self._impacts.given(time, lambda: pair_of()[at], own, bodies, span)
+        if found is None:
+            return None
+        given, old = np.zeros_like(before), reach * before
+        given[acts] = found
+        new = old + (answers @ given.ravel()).reshape(old.shape)
+        more = -slips[:, None] * old
+        more[:, 0] = returned(new[:, 0], lively[rows]) - returned(old[:, 0], self._lively[rows])
+        return given, more
 
     def _obstacle_speeds(self) -> tuple[Floats, Floats]:
         """Of what gaps face on obstacles, at both ends of the layer [m/s], (pairs, dim) each."""
@@ -241,21 +305,32 @@ class SolidMarch(TimeLoop[Interior]):
             return force, multiplier, static, 0
         share, iterations = interior.share, 0
         (fast, ends), halfway = self._laws(count), gap
+        struck = np.zeros(count, dtype=bool)
         if fast[taking_part].any():
             speeds = (self._gaps.relative(values) for values in interior.contact_speeds(way))
             halfway = np.where(fast, self._rebound(normals, *speeds), gap)
+            struck = self._struck_gaps(taking_part, gap)
+            taking_part |= struck
         while True:
             rows = np.flatnonzero(taking_part)
             self._responses.require(rows)
             response, compliance = self._responses.matrices(rows, normals[rows])
             springs = None if self._springs is None else self._springs.some(rows)
+            law = Halfway(
+                (fast | ends)[rows], halfway[rows, None], ends[rows], touching=struck[rows]
+            )
+            given = None
+            if struck.any():
+                before = self._normal_speed[rows, None]
+                turns = self._in_turn(rows, struck[rows], share * response, before, None)
+                if turns is not None:
+                    given, law = turns[0], replace(law, way=law.way + turns[1])
             layer = Layer(
                 gap[rows, None], share * response, compliance,
-                (old[rows, None], old_gap[rows, None]), springs=springs,
-                halfway=Halfway((fast | ends)[rows], halfway[rows, None], ends[rows]),
+                (old[rows, None], old_gap[rows, None]), springs=springs, halfway=law,
             )  # fmt: skip
             rule = keeping(self._scheme.rule, springs)
-            found = solve_layer(layer, rule, self._how, self._expanding(count)[rows])
+            found = solve_layer(layer, rule, self._how, self._expanding(count)[rows], given)
             iterations += found.iterations
             pushes, levels = found.force[:, 0], found.multiplier[:, 0]
             acting = share * pushes
@@ -268,7 +343,7 @@ class SolidMarch(TimeLoop[Interior]):
                 break
             taking_part |= missed
         force[rows], multiplier[rows] = pushes, levels
-        if fast[rows].all() and np.count_nonzero(pushes) > 1:
+        if given is None and fast[rows].all() and np.count_nonzero(pushes) > 1:
             time, pair_of = (self.layer + 1) * interior.dt, self._gaps.pair_of
             self._determinacy.look_at_normal(time, rows, pair_of, share * response, pushes)
         if pushes.any():
@@ -282,12 +357,12 @@ class SolidMarch(TimeLoop[Interior]):
         return force, multiplier, static, iterations
 
     def figures(self) -> Mapping[str, Any]:
-        """What is not determined of the forces."""
-        return self._determinacy.figures(self._gaps.pairs)
+        """What is not determined of the forces, and of impacts."""
+        return {**super().figures(), **self._determinacy.figures(self._gaps.pairs)}
 
     def findings(self) -> tuple[Finding, ...]:
         """The same in words, and contacts that their steps do not resolve."""
-        found = self._determinacy.findings(self._gaps.pairs)
+        found = (*super().findings(), *self._determinacy.findings(self._gaps.pairs))
         if self._springs is None:
             return found
         pressed = self.rows.indentation[: self.layer + 1]

@@ -10,10 +10,12 @@ import numpy as np
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.complementarity import Solver
 from impactfem.contact.friction_solver import Solving
+from impactfem.contact.impact_law import Law
 from impactfem.contact.springs import ContactSprings
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
 from impactfem.findings import Finding
+from impactfem.marching.impacts import Impacts
 from impactfem.marching.layers import ContactGaps, Stepper
 from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.rows import Level, Rows
@@ -62,6 +64,7 @@ class LoopSettings:
         poisson: Poisson's e likewise.
         springs: In the gaps; None without any.
         most_pairs: Of which rows are kept for each; of more none is.
+        impact_law: How contacts between nodes with mass share an impact.
     """
 
     comm: Any
@@ -76,6 +79,7 @@ class LoopSettings:
     poisson: Floats | None = None
     springs: ContactSprings | None = None
     most_pairs: int | None = None
+    impact_law: Law = "simultaneous"
 
 
 class TimeLoop[I: Stepper](ABC):
@@ -109,6 +113,7 @@ class TimeLoop[I: Stepper](ABC):
             self._how = settings.friction.solving
         self._restitution, self._poisson = settings.restitution, settings.poisson
         self._rubs, self._springs = settings.friction is not None, settings.springs
+        self._impacts = Impacts(settings.impact_law)
         self.layers, self.tolerance = layers, settings.tolerance
         self.interior = interior
         most = settings.most_pairs
@@ -152,11 +157,11 @@ class TimeLoop[I: Stepper](ABC):
 
     def findings(self) -> tuple[Finding, ...]:
         """What the bodies, as they are marched, cannot do right."""
-        return ()
+        return self._impacts.findings(self.figures())
 
     def figures(self) -> Mapping[str, Any]:
         """The same in numbers, for the details of a run."""
-        return {}
+        return self._impacts.figures(self._gaps.pairs)
 
     def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002
         """Forces in the gaps at t = 0 [N], (gaps,), and what they do to massless nodes [m]."""
@@ -175,7 +180,8 @@ class TimeLoop[I: Stepper](ABC):
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the state of the bodies, the same on all ranks."""
         contact = {f"contact.{entry.name}": getattr(self.contact, entry.name) for entry in _CONTACT}
-        own = {"surface": self.interior.surface_displacement} | self.interior.memory()
+        own = {"surface": self.interior.surface_displacement, "impacts": self._impacts.seen}
+        own |= self.interior.memory()
         return contact | own | self._gaps.memory()
 
     def restore(
@@ -196,6 +202,7 @@ class TimeLoop[I: Stepper](ABC):
         self.contact = ContactState(*(memory[f"contact.{entry.name}"] for entry in _CONTACT))
         self.interior.restore(state, memory["surface"])
         self.interior.remember(memory)
+        self._impacts.seen = memory["impacts"].copy()
         self._gaps.remember(memory)
         self.layer = layer
 

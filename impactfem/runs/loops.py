@@ -9,6 +9,7 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.contact.complementarity import Solver, solve_by_active_set
+from impactfem.contact.impact_law import Law
 from impactfem.fem import gather
 from impactfem.log import Progress
 from impactfem.marching.composite import Composite
@@ -134,6 +135,7 @@ def make_loop(
         model.comm, scheme, gaps, solver, layers, tolerance, friction=law,
         most_pairs=MOST_PAIRS, springs=contacts.springs(scene),
         restitution=contacts.restitution(scene), poisson=contacts.impulsive(scene),
+        impact_law=cast("Law", scene.solve.impact_law or "simultaneous"),
     )  # fmt: skip
     made = _Making(
         model, numbers.linear_solver, scheme, each, few, surfaces, settings, progress, dt, alone

@@ -44,7 +44,7 @@ _BARS: Sequence[tuple[str, Sequence[str]]] = (
 _FOREIGN: Mapping[Solver, Sequence[tuple[str, Sequence[str]]]] = {
     "bar": _BARS,
     "bar_row": _BARS,
-    "march": ((FAMILY, _VIBRO_ONLY),),
+    "march": ((FAMILY, _VIBRO_ONLY[1:]),),
     "vibro": (
         ("solids", _SOLID_ONLY[:2]),
         ("bars and solids", (*_BAR_ONLY, *_ELASTIC_ONLY)),
