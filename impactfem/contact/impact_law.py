@@ -179,7 +179,11 @@ class Approach:
 
 
 def in_turn(
-    matrix: Floats, bodies: Approach, span: float, rest: float = _AT_REST
+    matrix: Floats,
+    bodies: Approach,
+    span: float,
+    rest: float = _AT_REST,
+    most: int = _MAX_BINARY,
 ) -> tuple[Floats, Floats]:
     """Two-body impacts one after the other, until none approaches within a time.
 
@@ -190,6 +194,7 @@ def in_turn(
         bodies: Before the first.
         span: The time.
         rest: Share of the fastest approach that counts as none.
+        most: Number of impacts up to which that is waited for.
 
     Returns:
         Impulses and speeds after, shape (n, ways) each.
@@ -200,7 +205,7 @@ def in_turn(
     speed, total = bodies.speed.copy(), np.zeros_like(bodies.speed)
     gap, ways, left = np.maximum(bodies.gap, 0.0), speed.shape[1], span
     least = -rest * float(np.abs(speed[:, 0]).max(initial=0.0))
-    for _ in range(_MAX_BINARY):
+    for _ in range(most):
         coming = np.flatnonzero(speed[:, 0] < least)
         after = gap[coming] / -speed[coming, 0]
         first = float(after.min(initial=np.inf))
@@ -214,7 +219,7 @@ def in_turn(
         own = slice(ways * one[0], ways * (one[0] + 1))
         speed += (matrix[:, own] @ impulse).reshape(speed.shape)
     raise ConvergenceError(
-        f"contact: {_MAX_BINARY} two-body impacts at one instant did not separate "
+        f"contact: {most} two-body impacts at one instant did not separate "
         f'{len(speed)} constraints; use impact_law = "simultaneous"'
     )
 

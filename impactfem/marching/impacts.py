@@ -1,7 +1,6 @@
 """How contacts between nodes with mass that land in one step share it: the law of the scene."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +13,9 @@ from impactfem.findings import Finding
 
 _MOST = 60  # contacts up to which both laws are compared
 _SETTLED = 1e-9  # of the fastest approach: slower ones are left to what lasts
-_MATTERS = 1e-3  # of the fastest approach, by which speeds after both laws differ
+_LASTS, _ENDS = 1000, 100_000  # two-body impacts, to compare with and where they are the law
+_MATTERS, _ENOUGH = 0.01, 0.1  # of the fastest approach: speeds after both laws differ, and much
+_OFTEN = 200  # comparisons at most
 
 
 class Impacts:
@@ -22,19 +23,22 @@ class Impacts:
 
     Attributes:
         law: "simultaneous" or "sequential"; see `impactfem.contact.impact_law`.
-        seen: Of the first step in which both laws differ: contacts (0: none yet), time [s], pair,
-            and by how much of the fastest approach.
+        seen: Of the step in which both laws differ most: contacts (0: none yet), time [s], pair,
+            and by how much of the fastest approach; and how often they were compared.
     """
 
     def __init__(self, law: Law) -> None:
         """Begin without any."""
         self.law = law
-        self.seen: Floats = np.zeros(4)
+        self.seen: Floats = np.zeros(5)
 
     def asks(self, contacts: int) -> bool:
         """Whether so many contacts that share an impact have to be looked at."""
-        compares = not self.seen[0] and contacts <= _MOST
-        return contacts > 1 and (self.law == "sequential" or compares)
+        return contacts > 1 and (self.law == "sequential" or self._compares(contacts))
+
+    def _compares(self, contacts: int) -> bool:
+        known = self.seen[4] >= _OFTEN or self.seen[3] > _ENOUGH
+        return contacts <= _MOST and not known
 
     def given(
         self,
@@ -46,7 +50,7 @@ class Impacts:
     ) -> Floats | None:
         """Forces of impacts that come one after the other [N], (k, ways); None: they come at once.
 
-        Where the law is the other one both are compared, until they differ once.
+        Where the law is the other one both are compared, until they differ much.
 
         Args:
             time: At the end of the step [s].
@@ -64,17 +68,17 @@ class Impacts:
         latest = span * np.maximum(-bodies.speed[:, 0], 0.0)
         bodies = replace(bodies, gap=np.minimum(bodies.gap, latest))
         at_once = self.law == "simultaneous"
-        knows = bool(self.seen[0]) or count > _MOST or _apart(matrix, count, ways)
-        if at_once and knows:
+        compares = self._compares(count) and not _apart(matrix, count, ways)
+        if at_once and not compares:
             return None
+        self.seen[4] += float(compares)
         try:
-            found, after = in_turn(matrix, bodies, span, _SETTLED)
+            found, after = in_turn(matrix, bodies, span, _SETTLED, _LASTS if at_once else _ENDS)
+            if compares:
+                self._compare(time, pairs, matrix, bodies, after)
         except ConvergenceError:
-            if at_once:  # there is nothing to compare with
-                return None
-            raise
-        if not knows:
-            self._compare(time, pairs, matrix, bodies, after)
+            if not at_once:
+                raise
         return None if at_once else found
 
     def _compare(
@@ -86,13 +90,12 @@ class Impacts:
         in_turns: Floats,
     ) -> None:
         speed, every = bodies.speed, np.arange(len(bodies.speed))
-        with suppress(ConvergenceError):
-            impulse = bodies.strike(matrix, speed, every)
-            at_once = speed + (matrix @ impulse.ravel()).reshape(speed.shape)
-            apart = np.abs(at_once - in_turns).max(axis=1) / np.abs(speed[:, 0]).max()
-            worst = int(np.argmax(apart))
-            if apart[worst] > _MATTERS:
-                self.seen[:] = len(speed), time, pairs()[worst], apart[worst]
+        impulse = bodies.strike(matrix, speed, every)
+        at_once = speed + (matrix @ impulse.ravel()).reshape(speed.shape)
+        apart = np.abs(at_once - in_turns).max(axis=1) / np.abs(speed[:, 0]).max()
+        worst = int(np.argmax(apart))
+        if apart[worst] > max(_MATTERS, self.seen[3]):
+            self.seen[:4] = len(speed), time, pairs()[worst], apart[worst]
 
     def figures(self, names: Sequence[str]) -> dict[str, Any]:
         """What it has seen, for the details of a run.
@@ -100,7 +103,7 @@ class Impacts:
         Args:
             names: Of the pairs of the scene.
         """
-        count, time, pair, differs = self.seen.tolist()
+        count, time, pair, differs, _ = self.seen.tolist()
         if not count:
             return {}
         told = {"law": self.law, "contacts": int(count), "time": time, "pair": names[int(pair)]}

@@ -113,6 +113,43 @@ def starts(places, planes, states):
 
 
 @compiled
+def _reached(acting, count, gaps, places, planes, tolerance, motion, dt):
+    """Add what touches to what acts, where that arrives; see `impactfem.marching.impacts.reached`.
+
+    Args:
+        gaps: Of all places before the layer [m], (C,).
+        tolerance: Rounding level of places [m].
+
+    Others are those of `_problem`; ``acting`` is changed in place, and how many act is returned.
+    """
+    of, directions = places[6], planes[0]
+    first, speed, whirl, last, speed_ahead, whirl_ahead, _, _ = motion
+    before, slow, off = np.empty(len(of)), np.empty(len(of)), np.empty(3)
+    takes, arrives = np.zeros(len(of), dtype=np.bool_), False
+    takes[acting[:count]] = True
+    for c in range(len(of)):
+        normal = directions[of[c], 0]
+        for k in range(3):
+            off[k] = -places[2][c] * normal[k]
+        one = speed + cross(whirl, first[c] + off)
+        two = speed_ahead + cross(whirl_ahead, last[c] + off)
+        before[c], change = 0.0, 0.0
+        for k in range(3):
+            before[c] += normal[k] * one[k]
+            change += normal[k] * (two[k] - one[k])
+        slow[c] = max(abs(change), tolerance / dt)
+        arrives = arrives or (takes[c] and before[c] < -slow[c])
+    if not arrives:
+        return count
+    count = 0
+    for c in range(len(of)):
+        if takes[c] or (gaps[c] <= tolerance and before[c] <= slow[c]):
+            acting[count] = c
+            count += 1
+    return count
+
+
+@compiled
 def _problem(acting, count, body, places, planes, law, motion, dt):
     """The law of contact and friction of what acts: matrix, offset, friction, arms.
 
@@ -260,6 +297,8 @@ def march_members(
             first = reached(rotation, places, planes, down)
             amid = reached(middle, places, planes, down)
             motion = first, speed, rotation @ spin, last, ahead, end @ new, amid, freedom
+            shut = apart(centre, first, places, planes)
+            count = _reached(acting, count, shut, places, planes, law[3], motion, dt)
             matrix, offset, mu, arms = _problem(
                 acting, count, body, places, planes, law, motion, dt
             )

@@ -327,13 +327,14 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         massive = fresh = shut = np.zeros(len(before), dtype=bool)
         rebound: Floats | float = 0.0
         gained: Floats | float = 0.0
-        if self._by_mass:
+        meets = self._between_masses.any()
+        if meets:
             gap = self._look(interior.surface_iterate, end)
             shut = (gap < -self.tolerance) | ((last > 0.0) & (gap <= self.tolerance))
         for iteration in range(_ITERATES):
             place = interior.surface_iterate
             middle = 0.5 * (begin + place)
-            if iteration <= _PAIRED and (may.any() or self._by_mass):
+            if iteration <= _PAIRED and (may.any() or meets):
                 gaps.at(middle, middle, middle, middle_time)
                 self._looked = None
             normals = gaps.normals_at(middle, middle_time, interior.arms(middle))
@@ -362,14 +363,15 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             free = turned(directions, gaps.relative(interior.linearise()))
             if self._by_mass and not iteration:
                 least = slow(speed[:, 0], (way + free)[:, 0], end - start)
+                least = np.maximum(least, self.tolerance / (end - start))
                 arrived = (speed[:, 0] < -least) & massive & shut
                 fresh = arrived & (last == 0.0)
                 shut = massive & reached(
-                    massive & shut, arrived, before - self.tolerance, speed[:, 0] > least
+                    massive & shut, fresh, before - self.tolerance, speed[:, 0] > least
                 )
                 may = np.where(massive, shut, may)
                 rebound = self._rebound(arrived)  # the next iterate sees to it
-                if arrived.any() and self._impacts.asks(np.count_nonzero(shut)):
+                if fresh.any() and self._impacts.asks(np.count_nonzero(shut)):
                     gained = self._in_turn(shut, (start, end), directions, speed, before, rebound)
                     rebound = rebound if isinstance(gained, float) else 0.0
             new = self._obeying(apart + free, directions, force, may)

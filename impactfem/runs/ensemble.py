@@ -120,6 +120,8 @@ def _fixed(model: SolidsModel) -> _Fixed:
         _refuse(f"{names} is not one body, or is held, driven, met by faces or not rigid")
     if scene.starts_at_rest:
         _refuse(f"it starts {scene.start!r}")
+    if scene.solve.impact_law == "sequential":
+        _refuse('solve.impact_law = "sequential"')
     nodes, planes, laws = [], [], []
     for met in model.obstacle_meetings:
         obstacle = met.gaps.single

@@ -222,6 +222,9 @@ def _check_settings(scene: Content) -> None:
         raise KeyedError("solve", "active_set", text)
     if not scene.marches:
         return
+    if solve.impact_law is not None and all(body.waves for body in scene.bodies):
+        text = f" = {show(solve.impact_law)} is for impacts of bodies without waves, {are}: remove it."
+        raise KeyedError("solve", "impact_law", text)
     # Beside solids the step follows from these.
     brought = {name for each in scene.bodies for name in each.settings if not scene.solids}
     for name, remedy in _BAR_ONLY.items():

@@ -108,7 +108,8 @@ class Solve:
 
     impact_law: str | None = key(
         Choice(IMPACT_LAWS),
-        "how constraints that close together share an impact (point, rod, beam)",
+        "how contacts that land together share an impact: at once, or one after the other (bodies "
+        "without waves)",
         default=None,
     )
     stick_speed: float | None = key(
