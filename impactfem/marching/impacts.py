@@ -1,6 +1,7 @@
 """How contacts between nodes with mass that land in one step share it: the law of the scene."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -74,11 +75,13 @@ class Impacts:
         self.seen[4] += float(compares)
         try:
             found, after = in_turn(matrix, bodies, span, _SETTLED, _LASTS if at_once else _ENDS)
-            if compares:
-                self._compare(time, pairs, matrix, bodies, after)
         except ConvergenceError:
-            if not at_once:
-                raise
+            if at_once:
+                return None
+            raise
+        if compares:
+            with suppress(ConvergenceError):
+                self._compare(time, pairs, matrix, bodies, after)
         return None if at_once else found
 
     def _compare(
@@ -116,7 +119,8 @@ class Impacts:
         other = "sequential" if self.law == "simultaneous" else "simultaneous"
         text = (
             f"{told['contacts']} contacts share an impact within a step at t = {told['time']:.6g} "
-            f"s, among them {told['pair']}: {_WORDS[self.law]} (impact_law = \"{self.law}\"); "
+            f"s, among them {told['pair']}: {_WORDS[self.law]} "
+            f'(impact_law = "{self.law}"); '
             f"{_WORDS[other]} speeds after it differ by {100 * told['difference']:.3g} % of the "
             "approach"
         )

@@ -300,7 +300,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         step, sticks = held_by_static(with_friction, self._stuck, law.coefficients, law.static)
         return replace(step, sticks=sticks)
 
-    def _step(
+    def _step(  # noqa: PLR0915  (a step is one matter)
         self, start: float, end: float, last: Floats, before: Floats, closed: Booleans
     ) -> Step:
         """Solve a step from the guess of the forces of the last one; it is not taken yet.
@@ -327,8 +327,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         massive = fresh = shut = np.zeros(len(before), dtype=bool)
         rebound: Floats | float = 0.0
         gained: Floats | float = 0.0
-        meets = self._between_masses.any()
-        if meets:
+        if meets := bool(self._between_masses.any()):
             gap = self._look(interior.surface_iterate, end)
             shut = (gap < -self.tolerance) | ((last > 0.0) & (gap <= self.tolerance))
         for iteration in range(_ITERATES):
@@ -365,15 +364,12 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 least = slow(speed[:, 0], (way + free)[:, 0], end - start)
                 least = np.maximum(least, self.tolerance / (end - start))
                 arrived = (speed[:, 0] < -least) & massive & shut
-                fresh = arrived & (last == 0.0)
-                shut = massive & reached(
-                    massive & shut, fresh, before - self.tolerance, speed[:, 0] > least
-                )
-                may = np.where(massive, shut, may)
-                rebound = self._rebound(arrived)  # the next iterate sees to it
-                if fresh.any() and self._impacts.asks(np.count_nonzero(shut)):
-                    gained = self._in_turn(shut, (start, end), directions, speed, before, rebound)
-                    rebound = rebound if isinstance(gained, float) else 0.0
+                fresh, apace = arrived & (last == 0.0), speed[:, 0] > least
+                shut = massive & reached(massive & shut, fresh, before - self.tolerance, apace)
+                # The next iterate sees to what may push, and to what comes back.
+                may, rebound = np.where(massive, shut, may), self._rebound(arrived)
+                law = directions, speed, before, rebound
+                gained, rebound = self._in_turn(shut, fresh, (start, end), *law)
             new = self._obeying(apart + free, directions, force, may)
             interior.correct(gaps.spread(in_space(directions, new - force)))
             force = new
@@ -388,16 +384,20 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
     def _in_turn(
         self,
         shut: Booleans,
+        fresh: Booleans,
         times: tuple[float, float],
         directions: Floats,
         speed: Floats,
         before: Floats,
         rebound: Floats | float,
-    ) -> Floats | float:
+    ) -> tuple[Floats | float, Floats | float]:
         """What impacts one after the other change of speeds [m/s], (gaps, ways); 0: all at once.
+
+        What then comes back of the slip is told with it; see `_rebound`.
 
         Args:
             shut: Gaps that take part, (gaps,).
+            fresh: Those in which nodes arrive, (gaps,).
             times: Start and end of the step [s].
             directions: See `_answers_to`.
             speed: Along them at its start [m/s], (gaps, ways).
@@ -405,6 +405,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             rebound: See `_rebound`.
         """
         rows, half = np.flatnonzero(shut), 0.5 * (times[1] - times[0])
+        if not (fresh.any() and self._impacts.asks(len(rows))):
+            return 0.0, rebound
         answers = self._answers_to(rows, directions)
         size = len(rows) * speed.shape[1]
         matrix = answers[:, :, rows].reshape(size, size)
@@ -417,10 +419,10 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             times[1], lambda: pairs()[rows], 0.5 * (matrix + matrix.T), Approach(*each), 2.0
         )
         if found is None:
-            return 0.0
+            return 0.0, rebound
         self._least = np.zeros_like(self._least)
         self._least[rows] = found
-        return np.asarray(np.einsum("jb,jbic->ic", found, answers) / half)
+        return np.asarray(np.einsum("jb,jbic->ic", found, answers) / half), 0.0
 
     def _room(self, last: Floats, before: Floats) -> Floats:
         """What gaps may close by in a step [m], (gaps,), springs taken up; arguments of `_step`."""
@@ -498,7 +500,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             force: Forces that stay [N], (gaps, ways).
             may: Gaps in which there may be forces, (gaps,).
         """
-        rows = np.flatnonzero(may & ((force[:, 0] > 0.0) | (apart[:, 0] < -self.tolerance)))
+        pushes = (force[:, 0] > 0.0) | (self._least[:, 0] > 0.0)
+        rows = np.flatnonzero(may & (pushes | (apart[:, 0] < -self.tolerance)))
         found = np.zeros_like(force)
         if self._resisting is not None and not len(rows):
             self._resisting.rest()

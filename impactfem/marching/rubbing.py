@@ -239,7 +239,7 @@ def _resisted(layer: Layer, moments: Moments, share: float) -> Layer:
     """A layer at whose gaps moments resist, which stand behind them."""
     count, more = len(layer.free), len(moments.of)
     none, yes, law = np.zeros_like(moments.way), np.ones(more, dtype=bool), layer.halfway
-    if law is None or layer.friction is None:
+    if law is None or law.touching is None or layer.friction is None:
         raise ValueError("moments act on velocities, where there is friction")
     across = share * moments.across
     return replace(
@@ -258,7 +258,7 @@ def _resisted(layer: Layer, moments: Moments, share: float) -> Layer:
             np.concatenate([law.way, moments.after]),
             np.concatenate([law.ends, ~yes]),
             np.concatenate([layer.across, ~yes]),
-            None if law.touching is None else np.concatenate([law.touching, law.touching[moments.of]]),
+            np.concatenate([law.touching, law.touching[moments.of]]),
         ),
         held=None if layer.held is None else np.concatenate([layer.held, none[:, 1:]]),
         moments=(

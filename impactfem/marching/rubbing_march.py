@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -141,6 +142,10 @@ class RubbingMarch(SolidMarch):
         along = rebound - np.einsum("ij,ij->i", normals, slid)
         return np.asarray(slid + along[:, None] * normals)
 
+    def _slips(self, rows: Integers, directions: Floats) -> Floats:
+        """Speeds in some gaps at the start of a layer, along directions [m/s], (rows, dim)."""
+        return turned(directions, self._slipping[rows])
+
     def _stuck(self, normals: Floats, way: Floats) -> Floats:
         """1 where nothing slipped before, (pairs,); arguments as of `_rubbing_halfway`."""
         if self.layer > 0:
@@ -222,10 +227,11 @@ class RubbingMarch(SolidMarch):
                 None if self._springs is None else self._springs.some(rows), struck[rows],
             )  # fmt: skip
             blocks = answers.blocks(rows, directions)
-            if struck.any():
-                before = turned(directions, self._slipping[rows])
-                turns = self._in_turn(rows, struck[rows], share * blocks[0], before, state.law)
-                layer = replace(layer, turns=turns)
+            turns = self._in_turn(
+                rows, struck[rows], share * blocks[0],
+                partial(self._slips, rows, directions), state.law,
+            )  # fmt: skip
+            layer = replace(layer, turns=turns)
             moments = self._moments(rows, directions)
             solved, sticks = rub(state.law, self._scheme, layer, blocks, share, moments)
             iterations += solved.iterations

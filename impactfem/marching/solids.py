@@ -1,15 +1,15 @@
 """Layers of bodies whose answers to forces are linear: predict, find contact forces, end it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.contact.impact_law import Approach
 from impactfem.contact.layer_law import Layer, keeping, solve_layer
 from impactfem.contact.rooted import Matrix, full
-from impactfem.contact.impact_law import Approach
 from impactfem.contact.speed_law import Halfway, rebound, returned
 from impactfem.contact.springs import unresolved
 from impactfem.findings import Finding
@@ -197,7 +197,12 @@ class SolidMarch(TimeLoop[Interior]):
         return reached(closes, self._arriving, before, self._leaving)
 
     def _in_turn(
-        self, rows: Integers, acts: Booleans, matrix: Matrix, before: Floats, law: Friction | None
+        self,
+        rows: Integers,
+        acts: Booleans,
+        matrix: Matrix,
+        speeds: Callable[[], Floats],
+        law: Friction | None,
     ) -> tuple[Floats, Floats] | None:
         """Forces of impacts one after the other, and what they change of `Halfway.way`.
 
@@ -205,7 +210,7 @@ class SolidMarch(TimeLoop[Interior]):
             rows: Gaps that take part.
             acts: Those of them that impacts reach, (rows,).
             matrix: Answers of all of them [m/N], (rows ways, rows ways).
-            before: Their speeds at the start of the layer [m/s], (rows, ways).
+            speeds: Tells theirs at the start of the layer [m/s], (rows, ways).
             law: Of friction; None without.
 
         Returns:
@@ -217,7 +222,8 @@ class SolidMarch(TimeLoop[Interior]):
         asks = self._impacts.asks(int(np.count_nonzero(acts)))
         if not asks or not (acts & self._arriving[rows]).any():
             return None
-        at, ways, reach = rows[acts], before.shape[1], self._reach
+        before, at, reach = speeds(), rows[acts], self._reach
+        ways = before.shape[1]
         wide, answers = np.repeat(acts, ways), full(matrix)
         none = np.zeros(len(rows))
         lively = self._lively if self._poisson is None else np.maximum(self._lively, self._poisson)
@@ -319,12 +325,7 @@ class SolidMarch(TimeLoop[Interior]):
             law = Halfway(
                 (fast | ends)[rows], halfway[rows, None], ends[rows], touching=struck[rows]
             )
-            given = None
-            if struck.any():
-                before = self._normal_speed[rows, None]
-                turns = self._in_turn(rows, struck[rows], share * response, before, None)
-                if turns is not None:
-                    given, law = turns[0], replace(law, way=law.way + turns[1])
+            law, given = self._struck_law(law, rows, struck[rows], share * response)
             layer = Layer(
                 gap[rows, None], share * response, compliance,
                 (old[rows, None], old_gap[rows, None]), springs=springs, halfway=law,
@@ -355,6 +356,15 @@ class SolidMarch(TimeLoop[Interior]):
             static = self._pressed(rows, normals, multiplier)
         self._true_gap = true
         return force, multiplier, static, iterations
+
+    def _struck_law(
+        self, law: Halfway, rows: Integers, acts: Booleans, matrix: Matrix
+    ) -> tuple[Halfway, Floats | None]:
+        """The law without friction where impacts come one after the other, and their forces."""
+        turns = self._in_turn(rows, acts, matrix, lambda: self._normal_speed[rows, None], None)
+        if turns is None:
+            return law, None
+        return replace(law, way=law.way + turns[1]), turns[0]
 
     def figures(self) -> Mapping[str, Any]:
         """What is not determined of the forces, and of impacts."""

@@ -9,7 +9,6 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.contact.complementarity import Solver, solve_by_active_set
-from impactfem.contact.impact_law import Law
 from impactfem.fem import gather
 from impactfem.log import Progress
 from impactfem.marching.composite import Composite
@@ -54,6 +53,7 @@ from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
+    from impactfem.contact.impact_law import Law
     from impactfem.planning import MarchNumbers
 
 

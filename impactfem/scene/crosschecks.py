@@ -223,8 +223,8 @@ def _check_settings(scene: Content) -> None:
     if not scene.marches:
         return
     if solve.impact_law is not None and all(body.waves for body in scene.bodies):
-        text = f" = {show(solve.impact_law)} is for impacts of bodies without waves, {are}: remove it."
-        raise KeyedError("solve", "impact_law", text)
+        text = f" = {show(solve.impact_law)} is for impacts of bodies without waves, {are}"
+        raise KeyedError("solve", "impact_law", f"{text}: remove it.")
     # Beside solids the step follows from these.
     brought = {name for each in scene.bodies for name in each.settings if not scene.solids}
     for name, remedy in _BAR_ONLY.items():
