@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_scenes import FAR, FAR_3D
+from moving_scenes import FAR, FAR_3D, check_restart
 
 import impactfem
 from impactfem import SceneError
@@ -75,6 +75,17 @@ def test_balls_in_a_row_take_the_law_of_their_scene(law, e, speeds, others):
     assert note["severity"] == "note"
     assert law in note["text"]
     assert 'compare impact_law = "' in note["remedy"]
+
+
+@beside
+def test_a_run_goes_on_and_knows_what_was_shared(others, tmp_path, monkeypatch):
+    made = row("rigid", 0.5, "sequential", others)
+    data = made.to_dict()
+    data["output"] = {"fields": [], "checkpoint": 8}
+    each = check_restart(impactfem.Scene.from_dict(data), 8, tmp_path, monkeypatch)
+    whole, again = (found.summary["details"]["impact_law"] for found in each)
+    assert whole == again
+    assert whole["time"] == pytest.approx(0.006)
 
 
 def test_without_a_key_they_are_struck_at_once_as_points_are():
