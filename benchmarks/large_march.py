@@ -26,7 +26,8 @@ import json, resource, statistics, sys, time
 import numpy as np
 from impactfem.scene import Bar, PiecewiseConstant
 method, elements, layers = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-from impactfem.marching.march import SCHEMES, Marching, march
+from impactfem.marching.march import Marching, march
+from impactfem.marching.schemes import SCHEMES
 bar = Bar(length=1.0, density=1.0, youngs_modulus=1.0, gap=0.51414, velocity=-0.5)
 x = np.linspace(0.0, 1.0, elements + 1)
 numbers = Marching(1.0 / elements, layers, every=50)

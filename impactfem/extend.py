@@ -2,15 +2,19 @@
 
 An extension is a module that registers what it adds, in one line each. A body without a mesh is a
 class with keys and a method `system`, an obstacle a class with keys, distance, mirror image and
-outline or faces.
+outline or faces, a method a `SolidScheme` or a `BarScheme`.
 """
 
 from collections.abc import Iterable
-from typing import Any
+from importlib import import_module
+from inspect import currentframe
+from typing import TYPE_CHECKING, Any, Literal
 
 from impactfem.contact.distance import signed_distance
 from impactfem.errors import SceneError
 from impactfem.extensions import ADDED
+from impactfem.marching.schemes import SCHEMES, SOLID_SCHEMES, BarScheme, SolidScheme
+from impactfem.methods import BAR, METHODS, SOLID, Method
 from impactfem.scene.body import BodyKind
 from impactfem.scene.content import BODIES
 from impactfem.scene.flight import Flight
@@ -26,13 +30,29 @@ from impactfem.scene.values import NotAllowedError, show
 from impactfem.system.few import FewBodies, Lumped, rigid_in_plane
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 
+if TYPE_CHECKING:
+    from impactfem.marching.layers import Sums
+    from impactfem.marching.turning import Turning
+    from impactfem.system.drive import Drive
+    from impactfem.system.linear import LinearSolver
+
+# What interiors are made of, which loads DOLFINx or Numba: when it is asked for.
+_LATER = {
+    "Drive": "impactfem.system.drive",
+    "LinearSolver": "impactfem.system.linear",
+    "Sums": "impactfem.marching.layers",
+    "Turning": "impactfem.marching.turning",
+}
+
 __all__ = [
     "MOTION",
     "MOTION_KIND",
     "ROTATION",
     "ROTATION_KIND",
+    "BarScheme",
     "BodyKind",
     "Choice",
+    "Drive",
     "FewBodies",
     "Flight",
     "Formulas",
@@ -41,6 +61,7 @@ __all__ = [
     "Integer",
     "KeyedError",
     "Line",
+    "LinearSolver",
     "LinearSystem",
     "ListOf",
     "Lumped",
@@ -51,7 +72,10 @@ __all__ = [
     "Real",
     "RigidObstacle",
     "Rotation",
+    "SolidScheme",
+    "Sums",
     "Switch",
+    "Turning",
     "Vector",
     "key",
     "register",
@@ -61,8 +85,16 @@ __all__ = [
 ]
 
 
-def register[T](what: T) -> T:
-    """Add a kind of body or obstacle to the scene language, as one of the package's own.
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        if name not in _LATER:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(_LATER[name]), name)
+
+
+def register[T](what: T, *, name: str = "", text: str = "") -> T:
+    """Add a kind of body or obstacle, or a method, to those that the package has itself.
 
     From then on scenes, messages, the JSON schema, plan, run, report and restart know it. A class
     of the same module and name replaces the one before, as where a cell of a notebook is run again;
@@ -70,7 +102,9 @@ def register[T](what: T) -> T:
 
     Args:
         what: A class made by `table`: a `BodyKind` with a method ``system`` that gives its
-            `FewBodies`, or a `RigidObstacle`.
+            `FewBodies`, or a `RigidObstacle`. Or a `SolidScheme` or `BarScheme`.
+        name: Of the method that a scheme makes, for ``solve.method``.
+        text: What it is and where its limits lie, for reports and ``impactfem methods``.
 
     Returns:
         The same, so that it may stand before a class as a decorator.
@@ -86,12 +120,38 @@ def register[T](what: T) -> T:
         if what.outline is RigidObstacle.outline and what.faces is RigidObstacle.faces:
             raise _lacks(what, "outline, in the plane, or faces, in space, for pictures")
         _enter("obstacle", what.kind, what, OBSTACLES)
+    elif isinstance(what, SolidScheme | BarScheme):
+        frame = currentframe()
+        caller = frame.f_back.f_globals["__name__"] if frame and frame.f_back else ""
+        _enter_method(what, name, text, caller)
     else:
         raise SceneError(
             f"register: {show(what)} is neither a body (a class of BodyKind) nor an obstacle (of "
-            "RigidObstacle)"
+            "RigidObstacle) nor a SolidScheme or BarScheme"
         )
     return what
+
+
+def _enter_method(scheme: SolidScheme | BarScheme, name: str, text: str, module: str) -> None:
+    """List a scheme among the methods.
+
+    Raises:
+        SceneError: It has no name or text, or its name is taken.
+    """
+    for what, given in (("name", name), ("text", text)):
+        if not given:
+            raise SceneError(f"register: a scheme needs {what} = ...; see impactfem.register")
+    if name in METHODS and ADDED.get(f"method {name}") != module:
+        raise SceneError(f'register: name = "{name}" is taken by another method; choose another')
+    limited: Literal["limited", "always"]
+    if isinstance(scheme, SolidScheme):
+        limited, bodies = "limited" if scheme.explicit else "always", SOLID
+        SOLID_SCHEMES[name] = scheme
+    else:
+        limited, bodies = "limited" if scheme.limited else "always", BAR
+        SCHEMES[name] = scheme
+    METHODS[name] = Method(text, limited, plannable=False, mixes=bodies is SOLID, bodies=bodies)
+    ADDED[f"method {name}"] = module
 
 
 def _check(cls: type[Any], base: type[Any], wanted: Iterable[str]) -> None:

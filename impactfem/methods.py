@@ -1,6 +1,5 @@
 """The solution methods by name: what they are, what they solve, and where their limits lie."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -33,6 +32,7 @@ class Method:
         locates: Whether impacts are located one by one, so that they can share in turns, and the
             time step is that of the output.
         rubs: Whether it takes friction of one rigid body in the plane without the march.
+        grows: Whether energy grows at its impacts.
         lively: Whether it may gain energy with restitution near 1.
         spring_walls: Whether it knows the spring of a wall that a bar meets.
         tolerance: Relative rounding level of the active set, if none is given.
@@ -55,13 +55,14 @@ class Method:
     finite: bool = False
     locates: bool = False
     rubs: bool = False
+    grows: bool = False
     lively: bool = False
     spring_walls: bool = False
     tolerance: float = 1e-13
     own: tuple[str, ...] = ()
 
 
-METHODS: Mapping[str, Method] = {
+METHODS: dict[str, Method] = {
     "galerkin": Method(
         "space-time P1 Petrov-Galerkin swept step by step or in windows with a primal-dual "
         "active set; exact at the nodes at courant 1 when impacts fall on time levels; first order "
@@ -115,6 +116,7 @@ METHODS: Mapping[str, Method] = {
         "NEGATIVE CONTROL: Newmark 1/4 with contact imposed on positions; energy grows at every "
         "impact (of a bar 190-fold in seven) and the force rings; never chosen by the plan",
         plannable=False,
+        grows=True,
         bodies=BOTH,
     ),
     "massless": Method(
@@ -185,14 +187,14 @@ METHODS: Mapping[str, Method] = {
         )
     },
 }
-"""Methods by name."""
-
-EXPLICIT = frozenset(
-    name for name, row in METHODS.items() if row.stable == "limited" and row.bodies >= SOLID
-)
-"""Methods of solids with a lumped mass and a stability limit."""
+"""Methods by name; `impactfem.extend` adds others."""
 
 
 def is_exact(name: str | None) -> bool:
     """Whether a method is the exact solution; not if none is named."""
     return name is not None and METHODS[name].exact
+
+
+def is_explicit(name: str | None) -> bool:
+    """Whether a method solves solids with a lumped mass, up to a stability limit."""
+    return name is not None and METHODS[name].stable == "limited" and METHODS[name].bodies >= SOLID

@@ -12,6 +12,7 @@ from impactfem.inverse.bars import apart, differences
 from impactfem.inverse.held_sets import HeldSets, Marks, check_one_bar, rebound_level
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
+from impactfem.marching.schemes import SCHEMES
 from impactfem.planning import Plan
 from impactfem.result.bar_motion import BarMotion
 from impactfem.runs.bars import layers_of_mesh
@@ -63,7 +64,7 @@ class LayeredBars(HeldSets):
 
     def march(self, scene: Scene, marks: Marks | None) -> BarMotion:
         """The motion, layer by layer."""
-        from impactfem.marching.march import SCHEMES, Marching, march  # noqa: PLC0415  (Numba)
+        from impactfem.marching.march import Marching, march  # noqa: PLC0415  (Numba)
 
         numbers, bar = self.chosen.numbers, scene.bar
         layers = self._layers(scene) if marks is None else len(marks)

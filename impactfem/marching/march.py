@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from impactfem.arrays import Floats
 from impactfem.contact.active_set import ActiveSetResult, primal_dual_active_set
 from impactfem.marching import kernels, negative_control, wave_kernels
+from impactfem.marching.schemes import BarScheme
 from impactfem.marching.waves import Waves
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant
@@ -19,28 +21,6 @@ from impactfem.system.fronts import element_speeds, starts_as_waves
 from impactfem.system.sections import node_loads, row_loads
 from impactfem.system.spring_wall import wall_energy, wall_gap
 from impactfem.system.works import works
-
-
-@dataclass(frozen=True)
-class Scheme:
-    """A time scheme as data.
-
-    Attributes:
-        kernel: "two_step", "conserving" or "newmark".
-    """
-
-    kernel: str
-
-    def stable_dt(self, chain: Chain) -> float:
-        """Largest stable time step without contact [s]: explicitly dt omega <= 2."""
-        return 2.0 / chain.highest_frequency if self.kernel == "two_step" else float("inf")
-
-
-SCHEMES = {
-    "galerkin": Scheme("two_step"),
-    "conserving": Scheme("conserving"),
-    "newmark": Scheme("newmark"),
-}
 
 
 @dataclass(frozen=True)
@@ -100,7 +80,7 @@ class _Record:
 
 
 def march(
-    bar: Bar, gravity: PiecewiseConstant, travel: Floats, scheme: Scheme, numbers: Marching
+    bar: Bar, gravity: PiecewiseConstant, travel: Floats, scheme: BarScheme, numbers: Marching
 ) -> BarMotion:
     """March a bar through its layers.
 
@@ -127,7 +107,8 @@ def march(
         if scheme.kernel == "conserving":
             effort, driven = _waves(bar, gravity, chain.positions, numbers, means, record)
         else:
-            effort = _one_step(chain, numbers, means, tolerance, record)
+            kernel = negative_control.newmark if scheme.kernel == "newmark" else scheme.kernel
+            effort = _one_step(kernel, chain, numbers, means, tolerance, record)
         # Work of gravity: load of the layer times its path, as the schemes have it.
         work = np.cumsum(means * np.diff(record.mean))
         potential = bar.length * (means[0] * record.mean[0] + np.concatenate([[0.0], work]))
@@ -151,11 +132,11 @@ def march(
 
 
 def _one_step(
-    chain: Chain, numbers: Marching, means: Floats, tolerance: float, record: _Record
+    kernel: Any, chain: Chain, numbers: Marching, means: Floats, tolerance: float, record: _Record
 ) -> Effort:
-    """The scheme that advances (u, v); gravity is that of the layer."""
+    """A scheme that advances (u, v); gravity is that of the layer."""
     u, v = chain.displacement.copy(), chain.velocity.copy()
-    negative_control.newmark(
+    kernel(
         chain.mass, chain.stiffness, numbers.dt, chain.clamped, means, tolerance, u, v,
         numbers.layers, record.kept, record.displacement, record.rate, record.gap,
         record.multiplier, record.kinetic, record.elastic, record.mean, record.momentum,

@@ -1,10 +1,38 @@
-"""Time schemes of solids as data."""
+"""Time schemes as data."""
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from impactfem.contact.layer_law import Rule
+if TYPE_CHECKING:  # they load Numba
+    from impactfem.contact.layer_law import Rule
+    from impactfem.system.chain import Chain
+
+
+@dataclass(frozen=True)
+class BarScheme:
+    """A time scheme of one bar before a wall.
+
+    Attributes:
+        kernel: "two_step", "conserving", "newmark", or a function with the arguments of
+            `impactfem.marching.negative_control.newmark` that fills its arrays.
+        limited: Whether it is stable up to dt omega = 2 only.
+    """
+
+    kernel: str | Callable[..., None]
+    limited: bool = False
+
+    def stable_dt(self, chain: "Chain") -> float:
+        """Largest stable time step without contact [s]."""
+        return 2.0 / chain.highest_frequency if self.limited else float("inf")
+
+
+SCHEMES: dict[str, BarScheme] = {
+    "galerkin": BarScheme("two_step", limited=True),
+    "conserving": BarScheme("conserving"),
+    "newmark": BarScheme("newmark"),
+}
+"""Schemes of a bar by the name of their method; `impactfem.extend` adds others."""
 
 
 @dataclass(frozen=True)
@@ -13,7 +41,9 @@ class SolidScheme:
 
     Attributes:
         interior: "midpoint" is the space-time form with layer weight beta = 1/4 (implicit),
-            "leapfrog" with beta = 0 (explicit, lumped mass).
+            "leapfrog" with beta = 0 (explicit, lumped mass); or what makes another
+            `impactfem.marching.layers.Interior`, of the arguments of
+            `impactfem.marching.midpoint.Midpoint`.
         massless: Whether contact nodes give their mass to their neighbours.
         contact: Rule for theta (`impactfem.contact.layer_law`), or "velocity": impulses on
             nodes whose gap would close. Where massless nodes meet nothing but nodes with mass,
@@ -24,9 +54,9 @@ class SolidScheme:
             finite strain, instead of those amid layers.
     """
 
-    interior: Literal["midpoint", "leapfrog"]
+    interior: Literal["midpoint", "leapfrog"] | Callable[..., Any]
     massless: bool
-    contact: Rule | Literal["velocity"]
+    contact: "Rule | Literal['velocity']"
     holds: bool = False
     levels: bool = False
 
@@ -41,7 +71,7 @@ class SolidScheme:
         return self.interior == "leapfrog"
 
     @property
-    def rule(self) -> Rule:
+    def rule(self) -> "Rule":
         """Rule for theta of gaps whose law acts on positions."""
         return "middle" if self.contact == "velocity" else self.contact
 
@@ -51,7 +81,7 @@ class SolidScheme:
         return self.explicit and not self.massless
 
 
-SOLID_SCHEMES: Mapping[str, SolidScheme] = {
+SOLID_SCHEMES: dict[str, SolidScheme] = {
     "massless": SolidScheme("midpoint", massless=True, contact="dissipative"),
     "conserving": SolidScheme("midpoint", massless=True, contact="conserving", holds=True),
     "explicit": SolidScheme("leapfrog", massless=True, contact="conserving"),
@@ -59,7 +89,7 @@ SOLID_SCHEMES: Mapping[str, SolidScheme] = {
     "moreau_jean": SolidScheme("midpoint", massless=False, contact="velocity"),
     "newmark": SolidScheme("midpoint", massless=False, contact="middle"),
 }
-"""Schemes by the name of their method."""
+"""Schemes of solids by the name of their method; `impactfem.extend` adds others."""
 
 
 def scheme_of(method: str, *, finite: bool) -> SolidScheme:

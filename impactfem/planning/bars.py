@@ -239,7 +239,7 @@ def _choose_window(
 def _findings(name: str, grid: Grid, exact: ExactBar) -> tuple[Finding, ...]:
     """What the user should know before trusting the answer."""
     method = METHODS[name]
-    if not method.plannable:
+    if method.grows:
         text = f"{name} is a negative control: its energy grows at every impact"
         return (warning("control_method", text),)
     if method.stable != "limited" or grid.courant is None or grid.elements is None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
-from impactfem.methods import EXPLICIT, METHODS
+from impactfem.methods import METHODS, is_explicit
 from impactfem.planning.solid_costs import (
     Size,
     count_layers,
@@ -24,7 +24,7 @@ from impactfem.scene.solids import Solid
 COURANT = 0.5
 """c_p dt / h of implicit methods where nothing else is asked for."""
 
-_SHARE = {"explicit": 0.9, "galerkin": 1.0}  # of the stable step
+_USUAL, _SHARE = 0.9, {"galerkin": 1.0}  # of the stable step
 _FINITE_SHARE = 0.6  # the same under finite strain, where squeezed cells are stiffer
 _FAR = 10.0  # times the step of a usual mesh, beyond which a step is unstable for certain
 _LONG = 100.0  # transits of a wave from which energy must be kept to rounding
@@ -154,8 +154,8 @@ def choose_steps(
                 "duration"
             )
         number = max(solid.p_wave_speed * solve.dt / size.mesh_size for solid, size in pairs)
-        return Steps(solve.dt, None if method in EXPLICIT else number, layers)
-    if method in EXPLICIT:
+        return Steps(solve.dt, None if is_explicit(method) else number, layers)
+    if is_explicit(method):
         return Steps(None, _explicit_share(scene, method, reasons), None)
     dt = min(
         solve.courant * size.mesh_size / solid.p_wave_speed if solve.courant
@@ -193,7 +193,7 @@ def _explicit_share(scene: Scene, method: str, reasons: dict[str, str]) -> float
     """
     finite = any(solid.is_finite for solid in scene.solids)
     asked = scene.solve.courant
-    share = asked or (_FINITE_SHARE if finite else _SHARE[method])
+    share = asked or (_FINITE_SHARE if finite else _SHARE.get(method, _USUAL))
     if share > 1.0 + 1e-9:
         raise SceneError(
             f"solve.courant = {share:g} is beyond the stability limit of {method}, where "
@@ -252,7 +252,7 @@ def refuse_unstable(dt: float, method: str, solid: Solid, size: Size) -> None:
         SceneError: The step is far beyond the stability limit.
     """
     natural = explicit_step([solid], [size])
-    if method in EXPLICIT and dt > _FAR * natural:
+    if is_explicit(method) and dt > _FAR * natural:
         raise SceneError(
             f"solve.dt = {dt:g} is beyond the stability limit of method {method} on the mesh of "
             f"body {solid.name}, about {natural:.1g} s; use a smaller solve.dt, leave it out, or "
@@ -286,7 +286,7 @@ def choose_linear_solver(
 ) -> str:
     """A factorisation as long as it is cheap; none where there is no system to solve."""
     asked = scene.solve.linear_solver
-    if method in EXPLICIT:
+    if is_explicit(method):
         reasons["linear_solver"] = f"{method} solves no system" + (
             "; solve.linear_solver is not used" if asked else ""
         )

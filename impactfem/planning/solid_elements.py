@@ -8,7 +8,7 @@ import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
-from impactfem.methods import EXPLICIT
+from impactfem.methods import is_explicit
 from impactfem.planning.solid_costs import (
     Size,
 )
@@ -55,7 +55,7 @@ def _degree(
     scene: Scene, solid: Solid, key: str, stiff: str, told: tuple[dict[str, str], list[Finding]]
 ) -> int:
     method, (reasons, findings) = scene.solve.method, told
-    if method in EXPLICIT:
+    if is_explicit(method):
         if solid.degree == 2:
             raise SceneError(
                 f'body {solid.name}: degree = 2 contradicts solve.method = "{method}": its mass is '
@@ -69,11 +69,11 @@ def _degree(
             findings.append(warning("locking", stiff, solid.name, remedy))
     if solid.degree is not None:
         reasons[key] = "as asked"
-        if solid.degree == 1 and stiff and method not in EXPLICIT:
+        if solid.degree == 1 and stiff and not is_explicit(method):
             remedy = "degree = 2 would be more accurate"
             findings.append(warning("locking", stiff, solid.name, remedy))
         return solid.degree
-    if method in EXPLICIT:
+    if is_explicit(method):
         return 1
     stiff = stiff or curved_file(scene, solid)
     if stiff:
@@ -171,7 +171,7 @@ def ringing_findings(solid: Solid, method: str, size: Size) -> list[Finding]:
     """
     ratio = solid.p_wave_speed / solid.s_wave_speed
     damped = solid.rayleigh_stiffness > 0.0
-    if not solid.keeps_volume or ratio < _RINGING or damped or method in EXPLICIT:
+    if not solid.keeps_volume or ratio < _RINGING or damped or is_explicit(method):
         return []
     damping = size.mesh_size / solid.p_wave_speed
     text = (

@@ -10,6 +10,7 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.errors import MeshError, SceneError
 from impactfem.log import Progress
+from impactfem.marching.schemes import SCHEMES
 from impactfem.methods import METHODS
 from impactfem.planning import BarNumbers, Plan
 from impactfem.reference.bar import (
@@ -49,7 +50,7 @@ def _solve_exact(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> 
 def _solve_marching(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:
     numbers = chosen.numbers
     progress.step("loading the time loops (compiled at their first use)")
-    from impactfem.marching.march import SCHEMES, Marching, march  # noqa: PLC0415  (loads Numba)
+    from impactfem.marching.march import Marching, march  # noqa: PLC0415  (loads Numba)
 
     bar, scheme = scene.bar, SCHEMES[chosen.method]
     if scene.mesh_path is not None:
@@ -79,7 +80,6 @@ def layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
         MeshError: The mesh has no layers of equal height, or they are beyond the stability limit.
     """
     from impactfem.fem import MPI  # noqa: PLC0415
-    from impactfem.marching.march import SCHEMES  # noqa: PLC0415
     from impactfem.mesh.files import read_mesh  # noqa: PLC0415
     from impactfem.system.chain import Chain  # noqa: PLC0415
 
@@ -203,14 +203,11 @@ def _known_events(scene: Scene) -> tuple[float, ...]:
 
 
 SOLVED: Mapping[str, Callable[[Scene, Plan[BarNumbers], Progress], BarMotion]] = {
-    "conserving": _solve_marching,
     "dg": _solve_dg,
     "exact": _solve_exact,
-    "galerkin": _solve_marching,
     "monolithic": _solve_monolithic,
-    "newmark": _solve_marching,
 }
-"""What solves a bar by each method."""
+"""What solves a bar by each method; what is not here marches."""
 
 
 def run(scene: Scene, plan: Plan[BarNumbers], progress: Progress, saved: Checkpointing) -> Run:
@@ -218,7 +215,7 @@ def run(scene: Scene, plan: Plan[BarNumbers], progress: Progress, saved: Checkpo
     start = time.perf_counter()
     saved.refuse(scene)
     check_bar_probes(scene)
-    full = SOLVED[plan.method](every_level(scene), plan, progress)
+    full = SOLVED.get(plan.method, _solve_marching)(every_level(scene), plan, progress)
     cost = Cost.since(start)
     progress.step("measuring the error")
     measured = _measured(scene, plan, thinned(full, scene))

@@ -9,6 +9,7 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.contact.complementarity import Solver, solve_by_active_set
+from impactfem.errors import SceneError
 from impactfem.fem import gather
 from impactfem.log import Progress
 from impactfem.marching.composite import Composite
@@ -276,6 +277,7 @@ class _Making:
         tips: dict[int, TippedMidpoint] = {}
         for k, parts in enumerate(self.each):
             if k in tipped:
+                _check_tipped(self.scheme, parts[0])
                 tips[k] = _tipped(*parts, self.dt, kind, model.tips[k].nodes, tipped[k])
             solids.append(tips.get(k) or _interior(*parts, self.scheme, self.dt, kind))
         steppers, movable = _steppers(model, few), [_free(*parts[:2]) for parts in self.each]
@@ -345,6 +347,20 @@ def _solver(numbers: "MarchNumbers", tolerance: float) -> Solver:
     return solve_by_active_set(tolerance, numbers.max_iterations)
 
 
+def _check_tipped(scheme: SolidScheme, part: SolidPart) -> None:
+    """Refuse joints on a solid whose inside an extension moves.
+
+    Raises:
+        SceneError: naming the method.
+    """
+    if callable(scheme.interior):
+        made = getattr(scheme.interior, "__name__", "")
+        raise SceneError(
+            f"solve.method: the inside of {part.solid.name} is moved by {made}, and joints hold "
+            'solids in the midpoint rule only; give another, as "massless", or leave the joint out'
+        )
+
+
 def _tipped(
     part: SolidPart,
     surface: SurfaceNodes,
@@ -371,6 +387,9 @@ def _interior(
     statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
     if scheme.explicit:
         return Leapfrog(part.system, surface, statics, transfer, dt)
+    if callable(scheme.interior):
+        made: Interior = scheme.interior(part.system, surface, statics, transfer, dt, linear_solver)
+        return made
     return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)
 
 

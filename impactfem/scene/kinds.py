@@ -3,6 +3,7 @@
 import re
 import unicodedata
 from abc import ABC, abstractmethod
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, ClassVar, override
@@ -239,7 +240,7 @@ class Choice(Kind):
     """One of several words."""
 
     type_name: ClassVar[str] = "text"
-    words: tuple[str, ...]
+    words: Collection[str]
 
     @property
     @override
@@ -331,7 +332,7 @@ class RealOrFormula(FormulaOf):
         return value.plain if isinstance(value, Formula) else value
 
 
-def one_of(value: object, words: tuple[str, ...]) -> str:
+def one_of(value: object, words: Collection[str]) -> str:
     """Return a text that is one of several words.
 
     Raises:

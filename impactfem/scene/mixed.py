@@ -17,7 +17,6 @@ from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
 _MOST_CORNERS = 500  # of a body from a file whose edges and faces are looked at
-MARCHING = tuple(name for name, method in METHODS.items() if method.mixes)
 """Methods that take bodies of different kinds together."""
 
 
@@ -158,11 +157,14 @@ def _check_method(scene: Content) -> None:
     method = scene.solve.method
     limited = method is not None and METHODS[method].stable == "limited"
     fitting = " or ".join(
-        show(n) for n in MARCHING if scene.solids or METHODS[n].stable == "always"
+        show(name)
+        for name, each in METHODS.items()
+        if each.mixes and (scene.solids or each.stable == "always")
     )
-    if limited and scene.solids and method in MARCHING:
+    mixes = method is not None and METHODS[method].mixes
+    if limited and scene.solids and mixes:
         _check_explicit(scene, fitting)
-    if method is None or (method in MARCHING and (scene.solids or not limited)):
+    if method is None or (mixes and (scene.solids or not limited)):
         return
     what = scene.why_marched or f"bodies of kind {' and '.join(sorted(scene.kinds))}"
     text = f" = {show(method)} does not solve {what}: give {fitting}."

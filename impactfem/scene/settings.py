@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar, TypedDict, override
 
+from impactfem.extensions import load_installed
 from impactfem.methods import METHODS
 from impactfem.scene.kinds import (
     Choice,
@@ -42,6 +43,16 @@ class Window(Kind):
         return one_of(value, ("all",))
 
 
+@dataclass(frozen=True)
+class MethodKind(Choice):
+    """A method; those of installed extensions are known too."""
+
+    @override
+    def read(self, value: object) -> str:
+        load_installed()
+        return super().read(value)
+
+
 @table("[solve]")
 class Solve:
     """How to solve the scene; None leaves the choice to the plan, which says why.
@@ -52,7 +63,7 @@ class Solve:
 
     heading: ClassVar[str] = "solve"
 
-    method: str | None = key(Choice(tuple(METHODS)), "solution method", default=None)
+    method: str | None = key(MethodKind(METHODS), "solution method", default=None)
     elements: int | None = key(
         Integer(2, 1_000_000), "number of elements along the bar", default=None
     )

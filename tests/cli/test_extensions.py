@@ -14,6 +14,9 @@ from impactfem import extensions
 from impactfem.errors import ImpactWarning
 from impactfem.extensions import ADDED
 from impactfem.marching.checkpoint import FILE
+from impactfem.marching.schemes import SCHEMES, SOLID_SCHEMES
+from impactfem.marching.time_loop import TimeLoop
+from impactfem.methods import METHODS
 from impactfem.scene import schema
 from impactfem.scene.content import BODIES
 from impactfem.scene.obstacles import OBSTACLES
@@ -21,7 +24,7 @@ from impactfem.signals import InterruptedRunError
 
 from conftest import launch  # isort: skip
 
-LISTS = (ADDED, BODIES, OBSTACLES, schema._TABLES)
+LISTS = (ADDED, BODIES, OBSTACLES, METHODS, SCHEMES, SOLID_SCHEMES, schema._TABLES)
 DISC = """
 title = "a disc on an ellipse"
 duration = 0.02
@@ -61,6 +64,20 @@ checkpoint = 10
 estimate = false
 dt = 2e-4
 """
+MORE = """
+[[body]]
+kind = "point"
+mass = 0.02
+position = [0.25, 1.103]
+radius = 0.1
+
+[[contact]]
+between = ["*", "*"]
+friction_coefficient = 0.2
+
+[output]
+checkpoint = 20
+"""
 BOTH = ("--extension", "ellipse.py", "--extension", "frames.py")
 
 
@@ -90,22 +107,12 @@ def history(folder):
     return np.genfromtxt(folder / "history.csv", delimiter=",", skip_header=1)
 
 
-@pytest.mark.slow
-def test_runs_with_report_restart_and_ranks(scene, command, work, monkeypatch):
-    from impactfem.marching.time_loop import TimeLoop
+def goes_on(command, work, monkeypatch, scene, options):
+    """Run a scene as "whole" was, stopped and continued on one rank and on two.
 
-    done = command("run", scene, *BOTH, "--out", "whole", "--quiet", drawn=True)
-    assert done.code == 0, done.err
-    assert "An ellipse: center = " in (work / "whole" / "report.html").read_text("utf-8")
-    summary = json.loads((work / "whole" / "summary.json").read_text())
-    assert [one["adds"] for one in summary["run"]["extensions"]] == [
-        ["body frame"], ["obstacle ellipse"]
-    ]  # fmt: skip
-    assert "--extension ellipse.py --extension frames.py" in summary["run"]["command"]
-    whole = history(work / "whole")
-    assert whole[:, 1:].any()
-
-    observe = TimeLoop._observe
+    Returns what is said where it is continued without the extension.
+    """
+    whole, observe = history(work / "whole"), TimeLoop._observe
 
     def interrupted(self, *given):
         if self.layer == 55:
@@ -114,23 +121,104 @@ def test_runs_with_report_restart_and_ranks(scene, command, work, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(TimeLoop, "_observe", interrupted)
-        assert command("run", scene, *BOTH, "--out", "half", "--quiet").code == 130
+        assert command("run", scene, *options, "--out", "half", "--quiet").code == 130
     assert (work / "half" / FILE).exists()
     shutil.copytree(work / "half", work / "ranks")
-    done = command("run", "--restart", "half", *BOTH, "--quiet")
+    done = command("run", "--restart", "half", *options, "--quiet")
     assert done.code == 0, done.err
     np.testing.assert_array_equal(history(work / "half"), whole)
 
     words = ("-m", "impactfem", "run", "--restart", "ranks", "--quiet")
-    done = launch(work, 2, *words)
-    assert done.code == 2
-    assert "needs body frame of the extension frames and obstacle ellipse of" in done.err
-    assert launch(work, 2, *words, *BOTH).code == 0
+    missing = launch(work, 2, *words)
+    assert missing.code == 2
+    assert launch(work, 2, *words, *options).code == 0
     np.testing.assert_allclose(history(work / "ranks"), whole, rtol=1e-10, atol=1e-12)
+    return missing.err
+
+
+@pytest.mark.slow
+def test_runs_with_report_restart_and_ranks(scene, command, work, monkeypatch):
+    done = command("run", scene, *BOTH, "--out", "whole", "--quiet", drawn=True)
+    assert done.code == 0, done.err
+    assert "An ellipse: center = " in (work / "whole" / "report.html").read_text("utf-8")
+    summary = json.loads((work / "whole" / "summary.json").read_text())
+    assert [one["adds"] for one in summary["run"]["extensions"]] == [
+        ["body frame"], ["obstacle ellipse"]
+    ]  # fmt: skip
+    assert "--extension ellipse.py --extension frames.py" in summary["run"]["command"]
+    missing = goes_on(command, work, monkeypatch, scene, BOTH)
+    assert "needs body frame of the extension frames and obstacle ellipse of" in missing
 
     done = launch(work, 1, "-m", "impactfem", "plot", "ranks")
     assert done.code == 2
     assert "--extension ellipse" in done.err
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("fresh")
+def test_an_interior_runs_with_report_restart_and_ranks(command, work, monkeypatch):
+    (work / "backward_euler.py").write_text(block("scheme", "backward_euler.py"))
+    scene = block("scheme", "block.toml").replace("velocity = [0.0, -0.1]", "velocity = [0.0, 0.0]")
+    scene = scene.replace("duration = 4.0", "duration = 2.0\ngravity = [0.01, -0.02]")
+    (work / "block.toml").write_text(scene.replace("[0.0, 0.1]", "[0.0, 0.002]") + MORE)
+    options = ("--extension", "backward_euler.py")
+    done = command("run", "block.toml", *options, "--out", "whole", "--quiet", drawn=True)
+    assert done.code == 0, done.err
+    assert "backward_euler: backward Euler with massless" in (
+        (work / "whole" / "report.html").read_text("utf-8")
+    )
+    assert json.loads((work / "whole" / "summary.json").read_text())["contact"]["impulse"] > 0.0
+    said = goes_on(command, work, monkeypatch, "block.toml", options)
+    assert "it needs method backward_euler of the extension backward_euler" in said
+
+
+@pytest.mark.usefixtures("fresh")
+def test_a_scheme_of_bars_is_measured_and_the_same_on_ranks(command, work):
+    text = block("scheme", "symplectic.py").replace("@numba.njit(cache=True)\n", "")
+    (work / "symplectic.py").write_text(text)
+    (work / "bar.toml").write_text(block("scheme", "bar.toml"))
+    options = ("--extension", "symplectic.py", "--quiet")
+    done = command("run", "bar.toml", *options, "--out", "whole")
+    assert done.code == 0, done.err
+    summary = json.loads((work / "whole" / "summary.json").read_text())
+    assert summary["error"]["displacement_l2"] == pytest.approx(0.0173, rel=0.01)
+    assert summary["contact"]["impulse"] == pytest.approx(0.991, rel=1e-3)
+    assert command("methods", *options[:2]).out.count("symplectic Euler with lumped mass") == 1
+    for key, value, text in (
+        ("solve.courant", "1.1", "beyond the stability limit"),
+        ("body.bar.far_end_displacement", '"0.1*t"', "knows no prescribed motion"),
+        ("body.bar.load", "1.0", '"symplectic": waves keep their shape'),
+    ):
+        done = command("run", "bar.toml", *options, "--set", f"{key}={value}")
+        assert done.code == 2
+        assert text in done.err
+
+
+@pytest.mark.usefixtures("fresh")
+def test_joints_and_finite_strain_are_refused_with_an_interior_of_its_own(command, work):
+    (work / "backward_euler.py").write_text(block("scheme", "backward_euler.py"))
+    options = ("--extension", "backward_euler.py")
+    finite = ("--set", 'body.block.strain="finite"')
+    (work / "block.toml").write_text(block("scheme", "block.toml"))
+    done = command("validate", "block.toml", *options, *finite)
+    assert done.code == 2
+    assert "backward_euler" in done.err
+    joint = """
+[[body]]
+kind = "rigid"
+name = "lid"
+shape = { kind = "block", size = [0.2, 0.2], corner = [0.15, 1.1] }
+density = 1.0
+
+[[joint]]
+kind = "fixed"
+between = ["block/top", "lid"]
+point = [0.25, 1.1]
+"""
+    (work / "block.toml").write_text(block("scheme", "block.toml").replace("-0.1]", "0.0]") + joint)
+    done = command("run", "block.toml", *options, "--quiet")
+    assert done.code == 2
+    assert "moved by BackwardEuler, and joints hold solids in the midpoint rule only" in done.err
 
 
 def test_a_scene_loads_no_code(scene, command):

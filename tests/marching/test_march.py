@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import impactfem
-from impactfem.marching.march import SCHEMES, Marching, march
+from impactfem.marching.march import Marching, march
+from impactfem.marching.schemes import SCHEMES
 from impactfem.mesh.spacetime import layered_mesh
 from impactfem.reference.bar import exact_bar
 from impactfem.result.bar_motion import BarMotion

@@ -6,7 +6,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import impactfem
-from impactfem.marching.march import SCHEMES, Marching, march
+from impactfem.marching.march import Marching, march
+from impactfem.marching.schemes import SCHEMES
 from impactfem.marching.wave_kernels import SNAP
 from impactfem.reference.bar import exact_bar
 

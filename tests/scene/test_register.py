@@ -6,8 +6,20 @@ import numpy as np
 import pytest
 
 import impactfem
-from impactfem.extend import BodyKind, Name, Real, RigidObstacle, key, rigid_in_plane, table
+from impactfem.extend import (
+    BarScheme,
+    BodyKind,
+    Name,
+    Real,
+    RigidObstacle,
+    SolidScheme,
+    key,
+    rigid_in_plane,
+    table,
+)
 from impactfem.extensions import ADDED
+from impactfem.marching.schemes import SCHEMES, SOLID_SCHEMES
+from impactfem.methods import METHODS
 from impactfem.scene import schema
 from impactfem.scene.content import BODIES
 from impactfem.scene.obstacles import OBSTACLES
@@ -15,7 +27,7 @@ from impactfem.scene.obstacles import OBSTACLES
 
 @pytest.fixture(autouse=True)
 def fresh():
-    lists = (ADDED, BODIES, OBSTACLES, schema._TABLES)
+    lists = (ADDED, BODIES, OBSTACLES, METHODS, SCHEMES, SOLID_SCHEMES, schema._TABLES)
     before = [dict(each) for each in lists]
     yield
     for each, was in zip(lists, before, strict=True):
@@ -98,6 +110,23 @@ def test_a_body_without_what_is_needed_is_refused(given, lacks):
     with pytest.raises(impactfem.SceneError, match=f"register: Puck lacks {lacks}"):
         impactfem.register(table()(made))
     assert "puck" not in BODIES
+
+
+def test_schemes_need_a_name_of_their_own_and_a_text():
+    scheme = SolidScheme("midpoint", massless=True, contact="middle")
+    for given, message in (
+        ({"text": "t"}, "a scheme needs name"),
+        ({"name": "mine"}, "a scheme needs text"),
+        ({"name": "massless", "text": "t"}, 'name = "massless" is taken'),
+    ):
+        with pytest.raises(impactfem.SceneError, match=message):
+            impactfem.register(scheme, **given)
+    assert impactfem.register(scheme, name="mine", text="t") is scheme
+    impactfem.register(BarScheme("newmark"), name="mine", text="of this module again")
+    assert METHODS["mine"].bodies == {"bar"}
+    assert impactfem.Solve(method="mine").method == "mine"
+    with pytest.raises(impactfem.SceneError, match='"mi" is not known'):
+        impactfem.Solve(method="mi")
 
 
 def test_a_class_that_is_no_table_is_refused():

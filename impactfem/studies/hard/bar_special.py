@@ -13,6 +13,7 @@ import numpy as np
 
 from impactfem.errors import ConvergenceError
 from impactfem.facade import Result
+from impactfem.marching.schemes import SCHEMES
 from impactfem.reference.bar import exact_bar, measure
 from impactfem.scene import PiecewiseConstant
 from impactfem.solving import solve
@@ -52,7 +53,7 @@ def units(method: str, row: Row) -> Facts:
 
 def graded(method: str, row: Row) -> Facts:
     """Elements that grow 1000-fold away from the wall, and towards it; the computed stable step."""
-    from impactfem.marching.march import SCHEMES, Marching, march  # noqa: PLC0415
+    from impactfem.marching.march import Marching, march  # noqa: PLC0415
     from impactfem.system.chain import Chain  # noqa: PLC0415  (loads Numba)
 
     scene, scheme = row.scene(), SCHEMES[method]
