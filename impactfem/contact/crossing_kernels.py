@@ -48,7 +48,7 @@ def crossed(curves, edges, normals, deep, most):
                 if _hidden(n, edges[j], normals[j]) or apart < -deep:
                     continue
             place, known = _at(curves[k], s), False
-            for i in range(before, first):  # what is at a node is on both pieces
+            for i in range(before, count):  # what is at a node is on both pieces
                 way = _at(curves[which[i, 0]], shares[i, 0]) - place
                 known |= way @ way <= _TWICE**2 * (curves[k, 1] @ curves[k, 1])
             at = count

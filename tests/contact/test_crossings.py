@@ -159,3 +159,15 @@ def test_what_slides_over_nodes_has_a_force_without_jumps(name):
     # By the middle slopes of a parabola .1 s (all other slopes are gaps of second order).
     slopes = np.diff(gaps) / step
     assert np.abs(np.diff(slopes)).max() < 0.3 * step
+
+
+@pytest.mark.parametrize("at", [0.0, 0.1])
+@pytest.mark.parametrize("other", [0.0, 0.1])
+@pytest.mark.parametrize("angle", [0.03, 0.4, 1.2])
+def test_axes_that_cross_at_nodes_touch_once(at, other, angle):
+    """At a node, that is at 0.1, of one axis, of both, or of none."""
+    s, way = np.linspace(-0.5, 0.5, COUNT), np.array([np.cos(angle), np.sin(angle), 0.0])
+    one = np.outer(s - at, np.eye(3)[0])
+    two = np.outer(s - other, way) - 2.0 * THICK * np.eye(3)[2]
+    met = two_chains()(places := np.vstack([one, two]), places)
+    assert (met.gap < 1e-9).sum() == 1
