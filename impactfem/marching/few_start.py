@@ -49,6 +49,7 @@ class FewAtRest:
         self._shift = max(_SOFT * float(stiff.min(initial=np.inf)) if len(stiff) else 0.0,
                           BOUND * driven / self.size, float(np.finfo(float).tiny))  # fmt: skip
         self._answer: Callable[[Floats], Floats] | None = None
+        self._eased = 1.0
 
     def _stiffness(self, place: Floats) -> Floats:
         march = self._march
@@ -84,10 +85,15 @@ class FewAtRest:
     def tangent(self, place: Floats) -> Callable[[Floats], Floats]:
         """What forces on the coordinates do, with mass that holds what is free."""
         if self._answer is None or self._march.bodies.turning or not self._march.linear:
-            held = self._shift * self._mass if self.modes.count else 0.0
+            held = self._eased * self._shift * self._mass if self.modes.count else 0.0
             inverse = np.linalg.inv(self._stiffness(place) + held)
             self._answer = lambda forces: np.asarray(inverse @ forces)
         return self._answer
+
+    def ease(self, share: float) -> None:
+        """Hold free motions by so much of the mass that holds them at first."""
+        if share != self._eased:
+            self._eased, self._answer = share, None
 
     def steady(self) -> bool:
         """Nothing to change."""

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from impactfem.arrays import Floats
 from impactfem.marching.stations import Counting, Motion
@@ -221,6 +222,11 @@ class HeldLumped(HeldByRows[Linear]):
     def finish(self) -> None:
         """Keep the rotations."""
         self._turns = self._ends
+
+    def settle(self) -> None:
+        """Begin where the body has come to rest."""
+        moved = self._each(self._rows @ (self.part.joined_coordinates - self._rest))
+        self._turns = self._ends = Rotation.from_rotvec(moved[:, 3:]).as_matrix() @ self._turns
 
     def memory(self) -> dict[str, Floats]:
         """Rotations of the stations."""

@@ -175,6 +175,9 @@ class HeldTree(HeldByRows["MechanismMidpoint"]):
     def finish(self) -> None:
         """Nothing: the tree knows where links are."""
 
+    def settle(self) -> None:
+        """Nothing: it knows where it is."""
+
     def memory(self) -> dict[str, Floats]:
         """Nothing."""
         return {}

@@ -97,6 +97,19 @@ class Joining[P: Stepper](Bodies[P]):
         self._shown = np.zeros((each, 5))
         self._show(self._terms)
 
+    def settle(self, forces: Floats) -> None:
+        """Begin where the bodies have come to rest, with forces of the rows [N or N m], (rows,)."""
+        joints, t = self._joints, self._joints.terms
+        for body in self._held:
+            body.settle()
+        places, turns = self._starts()
+        self._terms = self._ends = joints.values_at(places, turns, self._terms)
+        self._gradient = np.asarray(
+            at_gradients(t.kinds, t.bodies, t.arms, t.axes, places, turns, self._terms)
+        )
+        self._middles, self._acting = turns, forces * self.span
+        self._show(self._terms)
+
     def _set_out(self, start: float, end: float) -> None:
         """Take up a step between two times; what joints hold is to be solved for."""
         self.span = self._states.span = step_length(start, end, self.dt)

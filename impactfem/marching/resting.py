@@ -10,6 +10,14 @@ from impactfem.arrays import Floats
 class FreeModes(Protocol):
     """Rigid motions that supports leave free; see `impactfem.system.rigid_modes`."""
 
+    @property
+    def fields(self) -> Floats:
+        """Of the owned dofs, (modes, dofs)."""
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+
     def along(self, forces: Floats) -> Floats:
         """Parts of forces that work on each mode (collective)."""
 

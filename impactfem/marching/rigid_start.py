@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from impactfem.arrays import Floats
 from impactfem.fem import MPI
@@ -48,8 +49,8 @@ class RigidAtRest:
         self.modes = RigidModes(MPI.COMM_SELF, fields, self._mass, loads, total, dim)
         driven = np.abs(self.modes.along(self.residual(self.start)) @ fields).max(initial=0.0)
         shift = max(BOUND * driven / self.size, float(np.finfo(float).tiny))
-        inverse = np.linalg.inv(self._mass) / shift
-        self._answer: Callable[[Floats], Floats] = lambda forces: np.asarray(inverse @ forces)
+        self._inverse, self._eased = np.linalg.inv(self._mass) / shift, 1.0
+        self._answer: Callable[[Floats], Floats] = lambda forces: np.asarray(self._inverse @ forces)
 
     def _at(self, place: Floats) -> tuple[Floats, Floats]:
         """Ways of the centres [m] and rotation vectors [rad] in space, (bodies, 3) each."""
@@ -96,6 +97,25 @@ class RigidAtRest:
     def tangent(self, place: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002  (all are free)
         """What forces do to what mass holds."""
         return self._answer
+
+    def frames(self, place: Floats) -> tuple[Floats, Floats]:
+        """Centres and rotations at a place, (bodies, 3) and (bodies, 3, 3)."""
+        (ways, turns), (centres, frames) = self._at(place), self._march.frame
+        return centres + ways, Rotation.from_rotvec(turns).as_matrix() @ frames
+
+    def twists(self, change: Floats) -> Floats:
+        """How far the bodies move and turn by a small change, (6 bodies,)."""
+        return np.hstack(self._at(change)).ravel()
+
+    def wrung(self, wrenches: Floats) -> Floats:
+        """Forces on the coordinates by forces and moments on the bodies, (6 bodies,)."""
+        return self._within(wrenches.reshape(-1, 6))
+
+    def ease(self, share: float) -> None:
+        """Hold free motions by so much of the mass that holds them at first."""
+        if share != self._eased:
+            self._eased, inverse = share, self._inverse / share
+            self._answer = lambda forces: np.asarray(inverse @ forces)
 
     def steady(self) -> bool:
         """Nothing to change."""

@@ -23,7 +23,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from impactfem.arrays import Floats
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.fem import MPI
 from impactfem.findings import percent
@@ -61,7 +61,7 @@ class StaticStart:
         self,
         comm: Any,
         bodies: Sequence[Resting],
-        owns: Sequence[slice],
+        owns: Sequence[slice | Integers],
         gaps: ContactGaps,
         pressing: Pressing,
         arms: Arms | None = None,
@@ -255,7 +255,14 @@ class StaticStart:
     def _surface(self, values: Sequence[Floats]) -> Floats:
         """Of all contact nodes, by the values of the owned dofs of each body."""
         each = zip(self._bodies, values, strict=True)
-        return np.concatenate([body.contact(own) for body, own in each])
+        return self._scattered([body.contact(own) for body, own in each])
+
+    def _scattered(self, each: Sequence[Floats]) -> Floats:
+        """Values at the contact nodes of each body, (count, dim), in the order of all nodes."""
+        found = np.empty((sum(map(len, each)), each[0].shape[1]))
+        for own, values in zip(self._owns, each, strict=True):
+            found[own] = values
+        return found
 
     def _pulled(self, forces: Floats) -> list[Floats]:
         """Forces on the owned dofs of each body by those on the contact nodes."""
@@ -328,7 +335,7 @@ class StaticStart:
             found, count = self._pressing.find(answers, free, normals, multiplier)
         else:
             each = zip(self._bodies, self._places, strict=True)
-            here = self._gaps.relative(np.concatenate([b.touching(place) for b, place in each]))
+            here = self._gaps.relative(self._scattered([b.touching(place) for b, place in each]))
             found, count = self._rough.find(answers, free, (here, ways), normals, multiplier)
         self._systems += count
         change = self._gaps.spread(self._vectors(found, normals) - pressed)
@@ -346,7 +353,7 @@ class StaticStart:
         """What they make for the gaps [m], (gaps, dim)."""
         each = zip(self._bodies, self._places, changes, strict=True)
         ways = [body.moved(place, change) for body, place, change in each]
-        return self._gaps.relative(np.concatenate(ways))
+        return self._gaps.relative(self._scattered(ways))
 
     def _moved(self, index: int, change: Floats) -> Floats:
         """Place of a body after a step, halved until there is a body (collective)."""

@@ -125,6 +125,9 @@ class Held(Protocol):
     def finish(self) -> None:
         """End the layer."""
 
+    def settle(self) -> None:
+        """Begin where the body has come to rest."""
+
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the body."""
 
@@ -229,6 +232,8 @@ class HeldRigid:
 
     def finish(self) -> None:
         """Nothing: they know where they are."""
+
+    settle = finish
 
     def memory(self) -> dict[str, Floats]:
         """Nothing."""

@@ -376,7 +376,7 @@ class SolidsModel:
         if self.scene.iterated:
             return True
         follow = SOLID_SCHEMES[method].holds and self.updated and not self.few
-        # Iterates know no springs and no joints.
+        # Joints hold solids in linear steps only; contacts that give way are left to these too.
         follow = follow and not (self.scene.gives_way or self.scene.joints)
         return follow and active_set != "snes_vi" and bool(self.pairs)
 

@@ -216,14 +216,14 @@ class _Making:
                     found[slice(*own)] = part.system.mean(place)
             return found
 
-        started = self._start(resting, interior, np.zeros_like, arms)
+        started = self._start(resting, interior, np.zeros_like, arms, interior)
         for body, spin in zip(bodies, spins, strict=True):
             body.turn(spin)
         return started
 
     def _start(
         self, resting: Sequence[Resting], interior: Stepper, static: Callable[[Floats], Floats],
-        arms: Arms | None,
+        arms: Arms | None, joined: Any,
     ) -> Started:  # fmt: skip
         """Bring bodies to rest; see `start_at_rest`."""
         self.progress.step("bringing the bodies to rest")
@@ -231,9 +231,20 @@ class _Making:
         # Levels that share forces with the layer before t = 0 know no friction there.
         rubs = None if self.scheme.shares_forces else settings.friction
         pressing = Pressing(settings.active_set, settings.tolerance, settings.springs)
+        others = list(dict.fromkeys(part.stepper for part in self.few))
+        joints, first, jointed = self.model.joints, len(self.each), None
+        if joints is not None:
+            steppers = [
+                self.few[at - first].stepper if at >= first else None for at, _ in joints.parts
+            ]
+            held = [
+                at if stepper is None else first + others.index(stepper)
+                for (at, _), stepper in zip(joints.parts, steppers, strict=True)
+            ]
+            jointed = joined, held
         return start_at_rest(
             self.model, resting, self.surfaces, interior, static, settings.gaps, pressing, arms,
-            list(dict.fromkeys(part.stepper for part in self.few)), rubs,
+            others, rubs, jointed,
         )  # fmt: skip
 
     def levels(self, limit: float) -> tuple[Started | None, Any, TimeLoop[Any]]:
@@ -291,7 +302,7 @@ class _Making:
         started = None
         if self._rests:
             linear = linear_bodies(model, self.each, kind)
-            started = self._start(linear, whole, whole.static, None)
+            started = self._start(linear, whole, whole.static, None, joined)
         march = SolidMarch if settings.friction is None else RubbingMarch
         interior = solids[0] if self.alone else whole
         return started, joined, march(interior, self._beginning(started))

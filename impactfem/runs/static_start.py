@@ -1,18 +1,20 @@
 """Bring bodies into equilibrium before they are marched."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from impactfem.arrays import Floats
+from impactfem.arrays import Floats, Integers
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.few_start import FewAtRest
+from impactfem.marching.jointed_start import ByRows, JointedAtRest, Stationed
 from impactfem.marching.layers import ContactGaps, Stepper
 from impactfem.marching.pressing import Pressing
 from impactfem.marching.resting import Rest, Resting
+from impactfem.marching.rigid_start import RigidAtRest
 from impactfem.marching.rough_rest import Rough
 from impactfem.marching.rubbing import Friction
 from impactfem.marching.static_start import Arms, StaticStart
@@ -20,6 +22,7 @@ from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.solid_choices import fitting_solver
 from impactfem.result.whole import Whole
 from impactfem.system.statics import SolidAtRest
+from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes
 
 _SHIFT_LIMITS = (0.01, np.inf)  # shares of its size by which a body is moved
@@ -127,6 +130,7 @@ def start_at_rest(
     arms: Arms | None = None,
     others: Sequence[Any] = (),
     friction: Friction | None = None,
+    jointed: tuple[Any, Sequence[int]] | None = None,
 ) -> Started:
     """Move interiors to equilibrium (collective).
 
@@ -141,6 +145,7 @@ def start_at_rest(
         arms: By which the march turns directions of gaps; see `StaticStart`.
         others: What steps bodies without meshes, whose contact nodes are the last.
         friction: In the gaps; None without any.
+        jointed: What joints hold, with them, and which of the bodies these are; None: none.
 
     Raises:
         SceneError: Loads drive a body that nothing holds.
@@ -151,12 +156,17 @@ def start_at_rest(
     owns = [slice(*ends) for ends in pairwise([0, *np.cumsum(counts).tolist()])]
     besides = [other.at_rest() for other in others]
     bodies = [*bodies, *besides]
+    whole = _Whole.of(model, bodies, owns, jointed, interior.dt)
     try:
         rough = None if friction is None else Rough(friction, pressing, model.dim)
-        rest = StaticStart(model.comm, bodies, owns, gaps, pressing, arms, rough).find()
+        found = None if arms is None else whole.arms(arms)
+        search = StaticStart(model.comm, whole.bodies, whole.owns, gaps, pressing, found, rough)
+        rest = search.find()
     finally:
         for body in bodies:
             body.destroy()
+    forces = whole.forces(rest.places)
+    rest = replace(rest, places=tuple(whole.split(rest.places)))
     # Between layers interiors know massless nodes as they are without contact forces.
     pressed = static(rest.forces)
     free = rest.surface - pressed
@@ -169,10 +179,90 @@ def start_at_rest(
     interior.restore(state, free)
     each = zip(besides, places[len(surfaces) :], strict=True)
     fallen = tuple(other.settle(place) for other, place in each)
+    if jointed is not None:
+        jointed[0].settle(forces)
     sizes = {part.solid.name: part.system.nodes.size for part in model.parts}
     sizes |= {other.name: other.size for other in besides}
+    sizes |= {body.name: max(sizes.values()) for body in whole.bodies if body.name not in sizes}
     each = zip(besides, places[len(surfaces) :], strict=True)
     spun = {
         other.name: other.turned(place) for other, place in each if isinstance(other, FewAtRest)
     }
     return Started(rest, pressed, sizes, fallen, spun)
+
+
+@dataclass(frozen=True)
+class _Whole:
+    """Bodies of a search, of which those that joints hold are one, the last.
+
+    Attributes:
+        bodies: They.
+        owns: Contact nodes of each.
+        kept: Which of the bodies stand alone, and which joints hold.
+    """
+
+    bodies: list[Resting]
+    owns: list[slice | Integers]
+    kept: tuple[list[int], list[int]]
+
+    @classmethod
+    def of(
+        cls,
+        model: SolidsModel,
+        bodies: Sequence[Resting],
+        owns: Sequence[slice],
+        jointed: tuple[Any, Sequence[int]] | None,
+        dt: float,
+    ) -> "_Whole":
+        """Take bodies; see `start_at_rest` (collective)."""
+        if jointed is None or model.joints is None:
+            return cls(list(bodies), list(owns), (list(range(len(bodies))), []))
+        parts = dict(zip(jointed[1], (each for _, each in model.joints.parts), strict=True))
+        held, stations = list(parts), list(parts.values())
+        alone = [k for k in range(len(bodies)) if k not in held]
+        at = [_stationed(model, bodies, k, own) for k, own in zip(held, stations, strict=True)]
+        nodes = [np.arange(owns[k].start, owns[k].stop) for k in held]
+        one = JointedAtRest(
+            model.joints, [bodies[k] for k in held], at, [len(own) for own in nodes], dt
+        )
+        every: list[slice | Integers] = [owns[k] for k in alone]
+        return cls(
+            [*(bodies[k] for k in alone), one], [*every, np.concatenate(nodes)], (alone, held)
+        )
+
+    def split(self, places: Sequence[Floats]) -> list[Floats]:
+        """Places of the bodies as they were given."""
+        alone, held = self.kept
+        if not held:
+            return list(places)
+        one = self.bodies[-1]
+        each = [*places[:-1], *cast("JointedAtRest", one).split(places[-1])]
+        found = dict(zip([*alone, *held], each, strict=True))
+        return [found[k] for k in range(len(found))]
+
+    def forces(self, places: Sequence[Floats]) -> Floats:
+        """Those in the rows of joints [N or N m], (rows,)."""
+        if not self.kept[1]:
+            return np.zeros(0)
+        return cast("JointedAtRest", self.bodies[-1]).forces(places[-1])
+
+    def arms(self, arms: Arms) -> Arms:
+        """By the places of the search."""
+        return lambda there, places: arms(there, self.split(places))
+
+
+def _stationed(
+    model: SolidsModel, bodies: Sequence[Resting], index: int, stations: Stations
+) -> Stationed:
+    """Stations of a body as the search asks them."""
+    body: Any = bodies[index]
+    if isinstance(body, RigidAtRest):
+        return body
+    if isinstance(body, FewAtRest):
+        return ByRows(stations, body.start, lambda change: change, lambda forces: forces, body.ease)
+    tips, held = model.tips[index], model.parts[index].system.constrained
+    nodes = tips.nodes
+    return ByRows(
+        stations, body.start, lambda change: nodes.gather(change).ravel(),
+        lambda forces: nodes.pulled(forces.reshape(-1, nodes.dim), held), lambda _: None,
+    )  # fmt: skip

@@ -130,9 +130,6 @@ def _check_start(scene: Content) -> None:
     """Refuse a start at rest of bodies that cannot be brought there."""
     if not scene.starts_at_rest:
         return
-    if scene.joints:
-        text = f" = {show(scene.start)} does not know joints: remove it, or these."
-        raise KeyedError("", "start", text)
     unsettled = [body for body in scene.bodies if not body.settles]
     if unsettled:
         body = unsettled[0]

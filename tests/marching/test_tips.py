@@ -324,8 +324,6 @@ def test_finite_strain_and_starts_at_rest_are_refused():
     said = rf"joint\[0\].between = .*hold bodies of kind {kinds} where block has finite"
     with pytest.raises(SceneError, match=said):
         replace(scene, bodies=[far, scene.bodies[1]])
-    with pytest.raises(SceneError, match="does not know joints"):
-        made([block()], [hinge("ground", "block/top")], 0.1, 1e-3, start="static")
 
 
 def test_plans_foresee_no_flight_of_what_joints_hold_and_say_what_counts():
