@@ -38,6 +38,7 @@ class Target:
             elsewhere, shape (simplices,); None if there is no inside: points and axes.
         radius: Of the nodes of points and axes [m], shape (nodes,).
         rims: Whether a surface ends at the side opposite each corner, (simplices, corners).
+        faces: Whether it is pushed on its faces, a radius off its points, lines or triangles.
     """
 
     nodes: Integers
@@ -45,12 +46,15 @@ class Target:
     signs: Floats | None
     radius: Floats
     rims: Booleans
+    faces: bool = False
 
     @classmethod
-    def of_axis(cls, nodes: Integers, lines: Integers, radius: Floats) -> "Target":
+    def of_axis(
+        cls, nodes: Integers, lines: Integers, radius: Floats, *, faces: bool = False
+    ) -> "Target":
         """Of the lines between nodes, (lines, 2); of the nodes themselves where there are none."""
         simplices = lines if len(lines) else np.arange(len(nodes))[:, None]
-        return cls(nodes, simplices, None, radius, np.zeros(simplices.shape, dtype=bool))
+        return cls(nodes, simplices, None, radius, np.zeros(simplices.shape, dtype=bool), faces)
 
     @classmethod
     def of_surface(cls, nodes: Integers, surface: Surface) -> "Target":
@@ -66,7 +70,17 @@ class Target:
     def some(self, chosen: Booleans) -> "Target":
         """Some of its simplices, (simplices,)."""
         signs = None if self.signs is None else self.signs[chosen]
-        return Target(self.nodes, self.simplices[chosen], signs, self.radius, self.rims[chosen])
+        rims, simplices = self.rims[chosen], self.simplices[chosen]
+        return Target(self.nodes, simplices, signs, self.radius, rims, self.faces)
+
+    def ways(self, met: Meeting, places: Floats) -> Floats:
+        """From where it is pushed to the balls, with all nodes at places (nodes, dim), [m]."""
+        found = np.asarray(met.weights @ places)
+        if self.faces:
+            radius = np.zeros(len(places))
+            radius[self.nodes] = self.radius
+            found -= (abs(met.weights) @ radius)[:, None] * met.normal
+        return found
 
     def edges(self, places: Floats) -> Edges:
         """Its axis with all contact nodes at some places (nodes, 3)."""
@@ -302,7 +316,7 @@ class RollingPair(BallPair):
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """How they meet with all contact nodes at some places (nodes, dim); see `BallPair`."""
         met = super().__call__(places, acting)
-        ways = met.weights @ acting
+        ways = self.target.ways(met, acting)
         arms = carried(ways, self.followers, int(self.balls[0]), self.unit, self.total)
 
         def turning() -> Turning:

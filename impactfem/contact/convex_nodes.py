@@ -138,7 +138,7 @@ class CornersOnFaces(Anew):
         met = self.pair(beside @ (places + arms), there)
         weights = met.weights @ beside
         if shape.radius:
-            ways, followers = met.weights @ there, nodes[self.body.dim + 1 :]
+            ways, followers = self.pair.target.ways(met, there), nodes[self.body.dim + 1 :]
             weights = weights + carried(ways, followers, int(nodes[0]), self.body.unit, total)
 
         def turning() -> Turning:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats, Integers
+from impactfem.contact.faces import Faces
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.meeting import Led, Lent, Meet, Meeting, Turning
 from impactfem.contact.pair_responses import PairResponses, Weights, ranges
@@ -35,6 +36,7 @@ class PairGaps:
         obstacles: Sequence[tuple[slice, Integers, Gaps]],
         meetings: Sequence[Meet],
         names: Sequence[str],
+        faces: Faces | None = None,
     ) -> None:
         """Find the gaps of t = 0.
 
@@ -45,6 +47,7 @@ class PairGaps:
                 of the body) that can touch an obstacle, and their gaps.
             meetings: Pairs of surfaces.
             names: Of the pair of each gap between surfaces; of gaps that are lent of each pair.
+            faces: Nodes that touch on faces; None without any.
         """
         before = [name for _, _, gaps in obstacles for name in gaps.pairs]
         listed = (*before, *names)
@@ -68,23 +71,33 @@ class PairGaps:
         # Of few gaps and nodes arrays are far cheaper than what SciPy does for sparse matrices.
         self._few = _ENTRIES // max(1, nodes)
         self._dense = self._bound.toarray() if len(chosen) <= self._few else np.zeros((0, nodes))
+        self._faces = faces
+        self._responses: PairResponses | None = None
         there = places + initial
         self._first = [meet(there, there) for meet in self._meetings]
         self._weigh(self._first)
         self._area = np.concatenate([*(entry.area for entry in self._first), np.zeros(0)])
-        self._responses: PairResponses | None = None
         self._met: Sequence[Meeting] = self._first
         self._turns: list[Turning | None] | None = None  # of what has met
         self._turning: TurningGaps | None = None
         self._pair: Integers | None = None  # of each gap, where that stays
 
     def _weigh(self, met: Sequence[Meeting]) -> None:
-        """Keep the weights of all gaps."""
+        """Keep the weights of all gaps, of what touches on faces between the middles."""
         if self._bound.shape[0] + sum(len(entry.gap) for entry in met) <= self._few:
             each = [entry.weights.toarray() for entry in met]
-            self._weights: Weights = np.concatenate([self._dense, *each])
-            return
-        self._weights = below([self._bound, *(entry.weights for entry in met)], len(self._places))
+            self._middle: Weights = np.concatenate([self._dense, *each])
+        else:
+            weights = [self._bound, *(entry.weights for entry in met)]
+            self._middle = below(weights, len(self._places))
+        self._weights = self._middle
+
+    def _reach(self, normals: Floats) -> None:
+        """Take the weights to the faces, by the normals of all gaps (pairs, dim)."""
+        if self._faces is not None:
+            self._weights = self._faces.reached(self._middle, normals)
+            if self._responses is not None:
+                self._responses.follow(self._weights)
 
     def pair_of(self) -> Integers:
         """Which of `pairs` each gap belongs to now, (gaps,)."""
@@ -164,7 +177,7 @@ class PairGaps:
             part = displacement[own][chosen]
             normals.append(obstacle.normals_at(part, time))
         there = self._places + (displacement if arms is None else arms)
-        ways = self._weights @ there
+        ways = self._middle @ there
         if self._turns is None:
             self._turns = [entry.turning() if entry.turning else None for entry in self._met]
         patches, first = [], self._bound.shape[0]
@@ -177,8 +190,12 @@ class PairGaps:
                 normal = _along(ways[first:end], normal)
             normals.append(normal)
             first = end
+        found = np.concatenate(normals)
+        self._reach(found)
+        if self._faces is not None:
+            ways += (self._weights - self._middle) @ there
         self._turning = TurningGaps.of(patches, there, ways)
-        return np.concatenate(normals)
+        return found
 
     def entries(self, rows: Integers) -> tuple[Integers, Integers, Floats]:
         """What some gaps weigh: place of the gap among them, node, weight, (entries,) each."""
@@ -229,7 +246,9 @@ class PairGaps:
             change = np.einsum("ij,ij->i", entry.normal, times(entry.weights, moved))
             gaps.append(entry.gap + change)
             normals.append(entry.normal)
-        return np.concatenate(gaps), np.concatenate(normals)
+        found = np.concatenate(normals)
+        self._reach(found)
+        return np.concatenate(gaps), found
 
     def only_on(self, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether a gap weighs no other nodes than some, (pairs,)."""
@@ -260,7 +279,7 @@ class PairGaps:
         nodes, first = len(self._places), 0
         place, pressure, pressed = np.full(nodes, np.nan), np.zeros(nodes), np.zeros(nodes)
         bound = self._bound.shape[0]
-        share = csr_matrix(abs(self._weights[bound:]).T)
+        share = csr_matrix(abs(self._middle[bound:]).T)
         area = share @ self._area
         seen = area > 0.0
         open_ = np.where(np.isfinite(gap[bound:]), self._area, 0.0)

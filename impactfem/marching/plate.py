@@ -43,7 +43,13 @@ _COLUMN_BYTES = 2**28  # kept answers to unit forces; beyond this a layer solves
 
 
 class PlateMidpoint(ShownPlate):
-    """Interior of a plate; see `impactfem.marching.layers.Interior`."""
+    """Interior of a plate; see `impactfem.marching.layers.Interior`.
+
+    Attributes:
+        pulls: Of friction in the plane [N], of one that stretches.
+    """
+
+    pulls: Floats = np.zeros(0)
 
     def __init__(
         self, bodies: PlateSystem, gravity: PiecewiseVector, dt: float, *, counts: bool
@@ -52,20 +58,19 @@ class PlateMidpoint(ShownPlate):
         super().__init__(bodies, gravity, dt, counts=counts)
         self._normal = bodies.plate.frame[1][2]
         vertex = bodies.basis[::DOFS].T.tocsr()  # from forces on vertices to those on q
-        self._of_vertices, self._reading = vertex, bodies.reading.T.tocsr()
+        self._of_vertices, self._faces = vertex, bodies.on_faces
         self._mass = bodies.weight
         self._light = np.flatnonzero(bodies.light)
         self._heavy = np.flatnonzero(~bodies.light)
         slopes = np.flatnonzero(~bodies.deflected)
         self._slopes, self._deflected = slopes, np.flatnonzero(bodies.deflected)
         self._follows = not bodies.shears  # slopes do, whatever deflections do
-        # Of contact nodes among q, and among the massless of q.
-        self._touch = np.asarray(vertex.tocsc()[:, bodies.touch].indices, dtype=np.int64)
         self._massless = bodies.massless
-        self._among = np.searchsorted(self._light, self._touch)
-        self._columns: list[Floats] = []  # changes of q by forces that were asked for
-        self._keeps = True
-        self.massive = np.full(len(self._touch), not self._massless)
+        # Changes of q by unit forces and moments on places, by component and place.
+        self._units: dict[tuple[int, int], Floats] = {}
+        self._told: dict[tuple[int, int], Floats] = {}  # the same of places, and at rest
+        self._held = np.zeros(0)  # what forces do to what has no mass
+        self.massive = np.full(len(self._start), not self._massless)
         arms = bodies.plate.frame[0] + bodies.mesh.points @ bodies.plate.frame[1][:2]
         # Momentum along the normal (d,) and angular momentum (d, 3) by rates; slopes turn about the
         # axes of the plate that lie across them.
@@ -120,22 +125,35 @@ class PlateMidpoint(ShownPlate):
         """It as the search for equilibrium asks it; see `impactfem.marching.resting.Resting`."""
         return PlateAtRest(self)
 
-    def displaced(self, place: Floats) -> Floats:
-        """Displacements of the contact nodes with some coordinates [m], (count, 3)."""
-        moved = self.bodies.reading @ (place - self._begun)
-        return np.asarray(np.outer(moved, self._normal))
+    def displaced(self, place: Floats, pulls: Floats) -> Floats:  # noqa: ARG002  (does not stretch)
+        """Displacements of the contact nodes with some coordinates [m], (count, 3).
 
-    def pulled(self, forces: Floats) -> Floats:
-        """Forces on q by those on the contact nodes (count, 3)."""
-        return np.asarray(self._reading @ (forces @ self._normal))
+        Args:
+            place: Coordinates.
+            pulls: Of friction in the plane [N].
+        """
+        return self._moved(place - self._begun)
+
+    def moved(self, place: Floats, pulls: Floats, change: Floats, more: Floats) -> Floats:  # noqa: ARG002
+        """How `displaced` changes by small changes of both arguments [m], (count, 3)."""
+        return self._moved(change)
+
+    def pulled(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Forces on the contact nodes (count, 3) as those on q, and in the plane."""
+        return self._faces.pulled(self._faces.pressing(forces)), self.pulls
+
+    def _moved(self, change: Floats) -> Floats:
+        """How contact nodes move by a change of q [m], (count, 3)."""
+        return self._faces.moved(self._faces.told(change))
 
     def loads_at_rest(self, place: Floats) -> Floats:
         """Forces on q at t = 0 with some coordinates, without contact."""
         weight = float(np.asarray(self._gravity.at(0.0)) @ self._normal)
         return np.asarray(self._pressed(0.0, 0.0, place) + weight * self._mass)
 
-    def settle(self, place: Floats) -> Floats:
-        """Begin elsewhere; mass times the way there [kg m], (3,)."""
+    def settle(self, place: Floats, pulls: Floats) -> Floats:
+        """Begin elsewhere, as `displaced` has it; mass times the way there [kg m], (3,)."""
+        self.pulls = pulls.copy()
         fallen = float(self._pull @ (place - self._q))
         self._q, self._shown = place.copy(), None
         self._free = self._at_ease()
@@ -161,15 +179,18 @@ class PlateMidpoint(ShownPlate):
         if self._shown is None:
             moved = self._q - self._begun
             moved[self._light] = self._free - self._begun[self._light]
-            self._shown = np.outer(self.bodies.reading @ moved, self._normal)
+            self._shown = self._moved(moved)
         return self._shown
 
     @property
     def surface_velocity(self) -> Floats:
         """Of the contact nodes [m/s], (count, 3)."""
+        rates, none = self._v.copy(), self.bodies.light & self.bodies.deflected
         if self._massless:  # of which the mean of their neighbours is told
-            return np.outer(self.speed[self.bodies.touch], self._normal)
-        return np.outer(self.bodies.reading @ self._v, self._normal)
+            rates[none] = (self._of_vertices @ self.speed)[none]
+        if self._faces.rubs and self._follows:
+            self._settle_slopes(rates)
+        return self._moved(rates)
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
         """Velocities of contact nodes at both ends of the layer [m/s], (count, 3) each."""
@@ -196,29 +217,46 @@ class PlateMidpoint(ShownPlate):
         """The same at the end of the layer, as it is solved now."""
         return self.surface_displacement
 
-    def _changed(self, forces: Floats) -> tuple[Floats, Floats]:
-        """What forces on contact nodes (count, 3) do to q at the end of a layer, and at rest, (d,).
+    def _changed(self, pressing: Floats) -> tuple[Floats, Floats]:
+        """What pressing does to q at the end of a layer, and at rest, (d,) each.
 
         Of what has no mass the first is what it would be without these forces there.
+
+        Args:
+            pressing: See `PlateFaces.pressing`.
         """
-        right, advance = self.pulled(forces), self._layer.advance
+        right, advance = self._faces.pulled(pressing), self._layer.advance
         found, pressed = advance * self._layer.solve(right), np.zeros_like(right)
-        if self._massless:
+        if right[self._light].any():
             pressed[self._light] = self._statics.solve(right[self._light])
         return found - advance * pressed, pressed
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, 3) in a layer."""
-        layer, static = np.empty_like(forces), np.empty_like(forces)
-        for k, force in enumerate(forces):
-            found, pressed = self._changed(force)
-            layer[k], static[k] = (
-                np.outer(self.bodies.reading @ each, self._normal) for each in (found, pressed)
-            )
-            self._keeps = self._keeps and (len(self._columns) + 1) * found.nbytes <= _COLUMN_BYTES
-            if self._keeps:
-                self._columns.append(found)
+        layer, static = np.zeros_like(forces), np.zeros_like(forces)
+        for k, pressing in enumerate(self._pressing(forces)):
+            told = np.zeros((2, *pressing.shape))
+            for part, place in np.argwhere(pressing).tolist():
+                told += pressing[part, place] * self._unit(part, place)
+            layer[k], static[k] = map(self._faces.moved, told)
         return layer, static
+
+    def _pressing(self, forces: Floats) -> Floats:
+        """What of forces (..., count, 3) moves the plate; it does not move in its plane."""
+        return self._faces.pressing(forces)[..., : len(self._faces.rows), :]
+
+    def _unit(self, part: int, place: int) -> Floats:
+        """How places answer in a layer, and at rest, to a unit of pressing, (2, parts, places)."""
+        at = part, place
+        if at not in self._told:
+            unit = np.zeros((len(self._faces.rows), len(self._faces.half)))
+            unit[at] = 1.0
+            found, pressed = self._changed(unit)
+            told = [self._faces.told(each) for each in (found, self._massless * pressed)]
+            self._told[at] = np.stack(told)
+            if (len(self._units) + 1) * found.nbytes <= _COLUMN_BYTES:
+                self._units[at] = found
+        return self._told[at]
 
     answers = columns
 
@@ -226,17 +264,19 @@ class PlateMidpoint(ShownPlate):
         """Displacement of massless contact nodes by static forces on them, (count, 3) each."""
         if not self._massless:
             return np.zeros_like(forces)
-        pressed = self._statics.solve(self.pulled(forces)[self._light])
-        return np.outer(pressed[self._among], self._normal)
+        moved = np.zeros_like(self._q)
+        moved[self._light] = self._held = self._statics.solve(self.pulled(forces)[0][self._light])
+        return self._moved(moved)
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, 3)."""
-        if self._keeps:
-            answer = np.zeros_like(self._q)
-            for k in np.flatnonzero(parts).tolist():
-                answer += parts[k] * self._columns[k]
+        pressing, answer = self._pressing(forces), np.zeros_like(self._q)
+        known = [at for at in self._units if pressing[at]]
+        if len(known) == np.count_nonzero(pressing):
+            for at in known:
+                answer += pressing[at] * self._units[at]
         else:
-            answer, _ = self._changed(forces)
+            answer, _ = self._changed(pressing)
         self._shown = None
         self._q[self._heavy] += answer[self._heavy]
         self._free += answer[self._light]
@@ -258,9 +298,7 @@ class PlateMidpoint(ShownPlate):
         """Put what has no mass where it is with contact forces."""
         self._q[self._light] = self._free
         if static.any():
-            self._q[self._touch] += static @ self._normal
-            if self._follows:
-                self._settle_slopes(self._q)
+            self._q[self._light] += self._held
         self._look()
 
     def _summed(self, work: float) -> list[Sums]:
@@ -269,7 +307,7 @@ class PlateMidpoint(ShownPlate):
         return [
             Sums(
                 0.5 * float(self._mass @ self._v**2),
-                self.bodies.elastic(self._q),
+                self.bodies.elastic(self._q, self.strains),
                 work,
                 float(self._pull @ self._v) * self._normal,
                 float(self._pull @ (self._q - self._begun)) * self._normal,

@@ -31,6 +31,14 @@ class ShownPlate(FewInterior):
         """Of all vertices along the normal [m/s]; of massless ones the mean of their neighbours."""
         return np.asarray(self.bodies.transfer @ self.bodies.deflection(self._v))
 
+    strains: Floats = np.zeros((0, 3))
+    """Of the triangles of the middle, where it stretches, (cells, 3)."""
+
+    @property
+    def in_plane(self) -> Floats | float:
+        """Displacement of vertices in the plane that friction brings about [m], (vertices, 3)."""
+        return 0.0
+
     @property
     def middle(self) -> Floats:
         """Vertices of the mid-surface, undeformed [m], (vertices, 3)."""
@@ -62,8 +70,8 @@ class ShownPlate(FewInterior):
     def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
         """Displacement [m], velocity [m/s], stress at the faces [Pa] of its nodes, by name."""
         bodies, axes = self.bodies, self.bodies.plate.frame[1]
-        moved = np.outer(bodies.deflection(self._q), axes[2])
-        speed, stress = np.outer(self.speed, axes[2]), bodies.stresses(self._q)
+        moved = np.outer(bodies.deflection(self._q), axes[2]) + self.in_plane
+        speed, stress = np.outer(self.speed, axes[2]), bodies.stresses(self._q, self.strains)
         mises = von_mises(stress)
         if not bodies.plate.is_filled:
             return {
@@ -86,6 +94,7 @@ class ShownPlate(FewInterior):
         """Contact forces [N] on its nodes by those on the contact nodes, (nodes, 3)."""
         found = np.zeros_like(self.material(body))
         nodes = self.bodies.touch
+        forces = self.bodies.on_faces.at_vertices(forces)
         if self.bodies.plate.is_filled:
             on_top = forces @ self.bodies.plate.frame[1][2] < 0.0
             nodes = nodes + len(self.bodies.mesh.points) * on_top

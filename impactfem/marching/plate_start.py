@@ -1,7 +1,7 @@
 """A plate at rest: what loads leave unbalanced, and what forces do to it."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from scipy.sparse.linalg import splu
@@ -15,6 +15,7 @@ from impactfem.system.surface import CHOLESKY
 
 if TYPE_CHECKING:
     from impactfem.marching.plate import PlateMidpoint
+    from impactfem.marching.plate_newton import PlateNewton
 
 
 _FREE = 1e-9  # share below which supports take nothing of a motion, or springs resist it by nothing
@@ -30,10 +31,13 @@ class PlateAtRest:
             SceneError: Supports do not hold it.
         """
         bodies = march.bodies
-        self.name, self.start, self.patience = bodies.names[0], march.coordinates.copy(), 0
+        self.name, self.patience = bodies.names[0], 0
+        # Behind the coordinates, of what stretches, is what friction pulls in the plane [N].
+        self.start = np.concatenate([march.coordinates, march.pulls])
         self.size = float(np.ptp(bodies.mesh.points, axis=0).max())
         self._march, self._stiffness = march, bodies.stiffness
         self._membrane, self._vertices = bodies.membrane, bodies.basis[::DOFS].T.tocsr()
+        self._ends = len(march.coordinates)
         free = _free_motions(bodies)
         if free:
             raise SceneError(
@@ -45,7 +49,15 @@ class PlateAtRest:
 
     def contact(self, place: Floats) -> Floats:
         """Displacements of the contact nodes [m], (count, 3)."""
-        return self._march.displaced(place)
+        return self._march.displaced(*self._parts(place))
+
+    @property
+    def _stretching(self) -> "PlateNewton":
+        """Of a plate that stretches; its steps are iterates."""
+        return cast("PlateNewton", self._march)
+
+    def _parts(self, place: Floats) -> tuple[Floats, Floats]:
+        return place[: self._ends], place[self._ends :]
 
     def touch(self, normals: Floats) -> None:
         """Nothing: nodes touch themselves."""
@@ -56,25 +68,20 @@ class PlateAtRest:
 
     def moved(self, place: Floats, change: Floats) -> Floats:
         """How they move by a change of q, (count, 3)."""
-        return self.contact(place + change) - self.contact(place)
+        return self._march.moved(*self._parts(place), *self._parts(change))
 
     def pulled(self, forces: Floats, place: Floats) -> Floats:  # noqa: ARG002  (as of others)
         """Forces on q by those on the contact nodes (count, 3)."""
-        return self._march.pulled(forces)
+        return np.concatenate(self._march.pulled(forces))
 
     def residual(self, place: Floats) -> Floats:
         """Loads less internal forces."""
-        inside = self._stiffness @ place
+        q, pulls = self._parts(place)
+        inside = self._stiffness @ q
         if (membrane := self._membrane) is not None:
-            slopes, strains = self._stretched(place)
+            slopes, strains, _ = self._stretching.inside(q, pulls)
             inside = inside + self._vertices @ membrane.force(membrane.tension(strains), slopes)
-        return np.asarray(self._march.loads_at_rest(place) - inside)
-
-    def _stretched(self, place: Floats) -> tuple[Floats, Floats]:
-        """Slopes and strains of the triangles of a plate that stretches."""
-        assert self._membrane is not None  # noqa: S101
-        slopes = self._membrane.slopes(self._vertices.T @ place)
-        return slopes, self._membrane.stretched(slopes)
+        return np.concatenate([self._march.loads_at_rest(q) - inside, -pulls])
 
     def steady(self) -> bool:
         """Nothing to change: plates do not turn."""
@@ -84,7 +91,8 @@ class PlateAtRest:
         """What forces on q do, but for pressures that go by the gap."""
         if self._membrane is None:
             return self._answer
-        slopes, strains = self._stretched(place)
+        march = self._stretching
+        slopes, strains, _ = march.inside(*self._parts(place))
         # As in a step, which takes halves of all that is in the plate.
         factor = splu(
             self._membrane.tangent(
@@ -94,8 +102,9 @@ class PlateAtRest:
         )  # fmt: skip
 
         def answer(forces: Floats) -> Floats:
-            more = np.zeros(factor.shape[0] - len(forces))
-            return np.asarray(factor.solve(np.concatenate([0.5 * forces, more]))[: len(forces)])
+            pushed, pulls = self._parts(forces)
+            found = factor.solve(np.concatenate([0.5 * pushed, march.on_u(pulls)]))
+            return np.concatenate([found[: self._ends], pulls])
 
         return answer
 
@@ -107,7 +116,7 @@ class PlateAtRest:
 
     def settle(self, place: Floats) -> Floats:
         """Begin at a place; mass times the way there [kg m], (3,)."""
-        return self._march.settle(place)
+        return self._march.settle(*self._parts(place))
 
 
 def _free_motions(bodies: PlateSystem) -> list[str]:

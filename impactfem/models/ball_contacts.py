@@ -192,6 +192,7 @@ class _Balls:
     Attributes:
         facing: Of each node the way that its end looks along the x axis, 0 if it has none.
         places: At t = 0 [m], (nodes, dim).
+        faces: Whether it is pushed on its faces.
     """
 
     name: str
@@ -200,6 +201,7 @@ class _Balls:
     lines: Integers
     facing: Floats
     places: Floats
+    faces: bool
 
     @cached_property
     def thinnest(self) -> float:
@@ -208,7 +210,7 @@ class _Balls:
 
     @cached_property
     def target(self) -> Target:
-        return Target.of_axis(self.nodes, self.lines, self.radius)
+        return Target.of_axis(self.nodes, self.lines, self.radius, faces=self.faces)
 
 
 @dataclass(frozen=True)
@@ -303,7 +305,8 @@ def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
             own = bodies.meeting(body, surfaces, (other, 0))
             if id(own) not in made:
                 parts = own + start, bodies.radius[own], lines, bodies.facing[own], places[own]
-                made[id(own)] = own, _Balls(bodies.names[body], *parts)
+                faces = bool(len(bodies.faces[0]))
+                made[id(own)] = own, _Balls(bodies.names[body], *parts, faces)
             return made[id(own)][1]
 
         return some

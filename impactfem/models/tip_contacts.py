@@ -32,9 +32,9 @@ def tip_meetings(
     for bodies, (start, _) in zip(few, starts, strict=True):
         if bodies.lines.shape[1] < 3 or not bodies.massless or not len(bodies.lines):
             continue
-        name, own = bodies.names[0], bodies.nodes_of(0)
-        places = bodies.places(bodies.position)
-        target = Target.of_axis(own + start, bodies.lines_of(0), bodies.radius)
+        name, own = bodies.names[0], bodies.meeting(0, None, ("", 0))
+        places = bodies.places(bodies.position)[own]
+        target = Target.of_axis(own + start, bodies.lines_of(0), bodies.radius[own])
         for obstacle in obstacles_of(scene, name):
             tips = _tips(obstacle, places, places[bodies.lines])
             if tips is not None:

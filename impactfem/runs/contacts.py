@@ -10,6 +10,7 @@ import numpy as np
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.ball_crowd import BallCrowd, NearPairs
 from impactfem.contact.body_pairs import SurfacePair
+from impactfem.contact.faces import Faces
 from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.gaps import Gaps, Started, Touching
 from impactfem.contact.meeting import Meet
@@ -72,6 +73,7 @@ class Contacts:
         owns: Where the contact nodes of each part are.
         places: Of the contact nodes, undeformed [m], (nodes, dim).
         initial: Their displacement at t = 0 [m], (nodes, dim).
+        faces: Nodes that touch on faces; None without any.
     """
 
     obstacles: tuple[Beside, ...]
@@ -79,6 +81,7 @@ class Contacts:
     owns: tuple[slice, ...]
     places: Floats
     initial: Floats
+    faces: Faces | None = None
 
     @classmethod
     def of(
@@ -148,14 +151,22 @@ class Contacts:
                 meet, names = NearPairs(crowd), names[: crowd.room_near]
             between.append(Between(labels, names, meet))
         owns = tuple(slice(*ends) for ends in pairwise(offsets))
-        return cls(tuple(obstacles), tuple(between), owns, *joined)
+        faces = None
+        if any(len(bodies.faces[0]) for bodies in model.few):
+            starts = offsets[len(solids) : -1]
+            each_side = zip(*(bodies.faces for bodies in model.few), strict=True)
+            faces = Faces(
+                *(np.concatenate([at + s for at, s in zip(side, starts, strict=True)])
+                  for side in each_side)
+            )  # fmt: skip
+        return cls(tuple(obstacles), tuple(between), owns, *joined, faces)
 
     def gaps(self) -> PairGaps:
         """The gaps, in the order of `names`."""
         obstacles = [(self.owns[each.part], each.nodes, each.gaps) for each in self.obstacles]
         meets = [pair.meet for pair in self.pairs]
         labels = [label for pair in self.pairs for label in pair.labels]
-        return PairGaps(self.places, self.initial, obstacles, meets, labels)
+        return PairGaps(self.places, self.initial, obstacles, meets, labels, self.faces)
 
     @property
     def names(self) -> tuple[Names, ...]:

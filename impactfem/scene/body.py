@@ -48,7 +48,6 @@ class BodyKind:
         has_links: Whether it is made of links, some of which may have edges and faces.
         dents: Whether its contacts, at single places, may have a stiffness.
         lined: Whether a layer on its faces may give way on obstacles, by its area.
-        rubs: Whether friction acts on it.
         meshed: Whether it has elements, larger ones of which tell its error.
         takes_joints: Whether joints hold it.
         joined_in_steps: Whether joints hold it where steps are solved by iterates.
@@ -77,7 +76,6 @@ class BodyKind:
     has_links: ClassVar[bool] = False
     dents: ClassVar[bool] = False
     lined: ClassVar[bool] = False
-    rubs: ClassVar[bool] = True
     meshed: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = False
     joined_in_steps: ClassVar[bool] = False

@@ -122,10 +122,6 @@ def _check_contact(scene: Content, contact: Contact, where: str, known: Mapping[
     sides = [known[name] for entry in contact.between if (name := side_of(entry)[0]) in known]
     stiff = any(not body.waves for body in sides)
     for body in sides:
-        if contact.friction_coefficient and not body.rubs:
-            text = f" = {show(contact.friction_coefficient)}: friction on {body.name}, a "
-            text += f"{body.kind}, is not available; remove it."
-            raise KeyedError(where, "friction_coefficient", text)
         if body.waves:
             _check_waves(body, contact, where, stiff=stiff)
     for law in ("rolling_resistance", "spinning_resistance"):

@@ -63,7 +63,6 @@ class Plate(BodyKind):
     meets_edges: ClassVar[bool] = True
     dents: ClassVar[bool] = True
     lined: ClassVar[bool] = True
-    rubs: ClassVar[bool] = False
     meshed: ClassVar[bool] = True
     mesh_dim: ClassVar[int] = 2
 

@@ -136,6 +136,11 @@ class FewBodies:
         return np.ones(len(self.radius))
 
     @property
+    def faces(self) -> tuple[Integers, Integers]:
+        """Nodes that touch on a face, and what follows each; see `impactfem.contact.faces`."""
+        return np.zeros(0, dtype=np.int64), np.zeros((0, self.dim), dtype=np.int64)
+
+    @property
     def facing(self) -> Floats:
         """Way along the first axis that the end at each contact node looks, 0 if any, (nodes,)."""
         return np.zeros(len(self.radius))

@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bmat, bsr_matrix, csc_matrix, csr_matrix
+from scipy.sparse import bmat, bsr_matrix, csc_matrix, csr_matrix, eye_array, kron
 from scipy.sparse.linalg import SuperLU, splu
 
 from impactfem.arrays import Booleans, Floats
@@ -95,21 +95,45 @@ class Membrane:
         """A times the areas times strains by any freedoms (3 cells, several)."""
         return csr_matrix(_by_triangle(self._moduli) @ strains)
 
-    def stretched(self, slopes: Floats) -> Floats:
-        """Strains of triangles with slopes (cells, 2), u in equilibrium, (cells, 3)."""
+    def settled(self, slopes: Floats, pulls: Floats | float = 0.0) -> tuple[Floats, Floats]:
+        """Strains of triangles with slopes (cells, 2), and u in equilibrium with them.
+
+        Args:
+            slopes: Of the triangles.
+            pulls: Forces on u [N], (freedoms,).
+
+        Returns:
+            Shapes (cells, 3) and (freedoms,).
+        """
         x, y = slopes.T
         own = np.stack([0.5 * x * x, 0.5 * y * y, x * y], axis=1)
-        forces = self.strains.T @ np.einsum("cab,cb->ca", self._moduli, own).ravel()
-        return np.asarray(own - (self.strains @ self._factor.solve(forces)).reshape(-1, 3))
+        u = self.answer(pulls - self.strains.T @ self.tension(own).ravel())
+        return np.asarray(own + (self.strains @ u).reshape(-1, 3)), u
+
+    def answer(self, forces: Floats) -> Floats:
+        """What forces on u do to it, (freedoms,) each."""
+        return np.asarray(self._factor.solve(forces))
+
+    def contracted(self, slopes: Floats, ways: Floats) -> Floats:
+        """Changes of forces on u with those of slopes, (cells, 2) each, (freedoms,)."""
+        (x, y), (dx, dy) = slopes.T, ways.T
+        own = np.stack([x * dx, y * dy, x * dy + y * dx], axis=1)
+        return np.asarray(self.strains.T @ self.tension(own).ravel())
+
+    def at(self, spots: csr_matrix) -> csr_matrix:
+        """Displacements in the plane of means over vertices (count, vertices), (2 count, freedoms).
+
+        Those along both axes of one after those of the other.
+        """
+        return csr_matrix(csr_matrix(kron(spots, eye_array(2)))[:, self._moving])
 
     def slopes(self, deflection: Floats) -> Floats:
         """Of triangles with deflections of the vertices [m], (cells, 2)."""
         return np.asarray((self.gradients @ deflection).reshape(-1, 2))
 
-    def at_vertices(self, deflection: Floats) -> Floats:
-        """Strains at the vertices, means of the triangles there by area, (vertices, 3)."""
+    def at_vertices(self, each: Floats) -> Floats:
+        """Strains of triangles (cells, 3) as means at the vertices by area, (vertices, 3)."""
         mesh = self.triangles.mesh
-        each = self.stretched(self.slopes(deflection))
         around = mesh.lumped(np.ones(len(each)))
         return np.stack([mesh.lumped(part) for part in each.T], axis=1) / around[:, None]
 

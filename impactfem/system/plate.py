@@ -1,6 +1,7 @@
 """Plates as the march takes them."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ from impactfem.system.kirchhoff import DOFS
 from impactfem.system.loads import FormulaValues
 from impactfem.system.membrane import Membrane
 from impactfem.system.plate_damping import PlateDamping
+from impactfem.system.plate_faces import PlateFaces
 from impactfem.system.plate_mesh import PlateMesh
 
 OF_BENDING = 5.0  # modes up to about the second are followed like a vibration, as of beams
@@ -51,7 +53,7 @@ class PlateSystem(FewBodies):
         curved: `Triangles.curvatures` of the vertices by q, (3 vertices, d).
         enclosed: Whether all of its outline is held.
         membrane: How its middle stretches; None if it does not.
-        reading: Deflections of contact nodes by q, (count, d): those of `touch`, or means around.
+        on_faces: How contact nodes follow the vertices: those of `touch`, or means around.
         touch: Vertices that may touch, (count,); `lines` are triangles between them, for balls.
     """
 
@@ -68,7 +70,7 @@ class PlateSystem(FewBodies):
     shears: bool
     thickness: Floats
     transfer: csr_matrix
-    reading: csr_matrix
+    on_faces: PlateFaces
     touch: Integers
     loads: tuple[tuple[float, FormulaValues], ...]
     obstacles: tuple[Any, ...]
@@ -109,6 +111,24 @@ class PlateSystem(FewBodies):
     def areas(self) -> Floats:
         """Of the vertices that may touch [m^2], (count,)."""
         return self.mesh.lumped(np.ones(len(self.mesh.cells)))[self.touch]
+
+    @property
+    def faces(self) -> tuple[Integers, Integers]:
+        """See `FewBodies`."""
+        return self._vertices[: len(self.on_faces.followers)], self.on_faces.followers
+
+    @property
+    def _vertices(self) -> Integers:
+        return np.arange(len(self.touch))
+
+    def meeting(
+        self,
+        body: int,  # noqa: ARG002  (it is one)
+        surfaces: Sequence[str] | None,  # noqa: ARG002  (it has none)
+        partner: tuple[str, int],  # noqa: ARG002  (all meet it alike)
+    ) -> Integers:
+        """Its vertices, without what follows them."""
+        return self._vertices
 
     def deflection(self, q: Floats) -> Floats:
         """Of all vertices [m], (vertices,)."""
@@ -160,26 +180,28 @@ class PlateSystem(FewBodies):
         areas = self.mesh.areas[(self.mesh.cells == nearest).any(axis=1)]
         return math.sqrt(2.0 * float(areas.max()))
 
-    def elastic(self, q: Floats) -> float:
-        """Energy of bending, shear, springs, and of the middle that stretches [J]."""
+    def elastic(self, q: Floats, strains: Floats) -> float:
+        """Energy of bending, shear, springs, and of the middle with strains (cells, 3) [J]."""
         found = 0.5 * float(q @ (self.stiffness @ q))
-        if self.membrane is not None:
-            slopes = self.membrane.slopes(self.deflection(q))
-            found += self.membrane.energy(self.membrane.stretched(slopes))
-        return found
+        return found if self.membrane is None else found + self.membrane.energy(strains)
 
-    def stresses(self, q: Floats) -> Floats:
+    def stresses(self, q: Floats, strains: Floats) -> Floats:
         """S_xx, s_yy, s_xy along the axes of the plate at the bottom and the top face [Pa].
 
-        Of shape (2, vertices, 3).
+        Args:
+            q: Coordinates, (d,).
+            strains: Of the middle in the triangles, of plates that stretch, (cells, 3).
+
+        Returns:
+            Shape (2, vertices, 3).
         """
         section = self.plate.section
         curved = (self.curved @ q).reshape(-1, 3) * (self.thickness / section.thickness)[:, None]
         # Slopes that grow press the top together.
         found = -np.einsum("fij,vj->fvi", section.faces, curved)
         if self.membrane is not None:
-            strains = self.membrane.at_vertices(self.deflection(q))
-            found += np.einsum("fij,vj->fvi", section.skins, strains)
+            each = self.membrane.at_vertices(strains)
+            found += np.einsum("fij,vj->fvi", section.skins, each)
         found[..., :2] += self.plate.residual_stress
         return np.asarray(found)
 

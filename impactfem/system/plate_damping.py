@@ -74,19 +74,21 @@ class PlateDamping:
         """That of modes, against speeds of q, (d,) each."""
         return np.asarray(self.momenta @ (self.rates * (self.momenta.T @ speed)))
 
-    def beside(self, answer: Answer, step: float) -> Answer:
+    def beside(self, answer: Answer, step: float, more: int) -> Answer:
         """What forces do with the damping of modes, by what they do without it.
 
         Args:
             answer: Difference over a step by forces, without it.
             step: Length [s].
+            more: Number of undamped coordinates behind q.
         """
         if not len(self.rates):
             return answer
-        moved = answer(self.momenta)
+        momenta = np.pad(self.momenta, [(0, more), (0, 0)])
+        moved = answer(momenta)
         slowed = self.rates[:, None] / step
-        small = np.eye(len(slowed)) + slowed * (self.momenta.T @ moved)
-        share = np.linalg.solve(small, slowed * self.momenta.T)
+        small = np.eye(len(slowed)) + slowed * (momenta.T @ moved)
+        share = np.linalg.solve(small, slowed * momenta.T)
 
         def damped(forces: Floats) -> Floats:
             found = answer(forces)

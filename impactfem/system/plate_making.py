@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, eye_array
 from scipy.sparse.linalg import eigsh
 
 from impactfem import fem
@@ -19,6 +19,7 @@ from impactfem.system.loads import FormulaValues
 from impactfem.system.membrane import Membrane
 from impactfem.system.plate import OF_BENDING, PlateSystem
 from impactfem.system.plate_damping import PlateDamping
+from impactfem.system.plate_faces import PlateFaces
 from impactfem.system.plate_mesh import (
     PlateMesh,
     apart_from_others,
@@ -58,6 +59,7 @@ def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
     found = discretised(
         plate, mesh, touches=bool(met) and not sprung, sprung=sprung,
         shears=plate.shears_beside(scene.bodies), obstacles=obstacles, patch=patch,
+        rubs=any(law is not None and law.friction_coefficient for law in laws),
     )  # fmt: skip
     for load, (sign, values) in zip(plate.pressures, found.loads, strict=True):
         if values.uses_gap and np.isinf(found.gap(sign, 0.0)).all():
@@ -77,6 +79,7 @@ def discretised(
     shears: bool = False,
     obstacles: tuple[Any, ...] = (),
     patch: float | None = None,
+    rubs: bool = False,
 ) -> PlateSystem:
     """The same on a mesh that is given.
 
@@ -88,6 +91,7 @@ def discretised(
         shears: Whether it shears.
         obstacles: That it may meet.
         patch: Over which contact forces act [m]; None: on single vertices.
+        rubs: Whether there is friction where it touches.
 
     Raises:
         MeshError: It has an unknown edge, or no vertex is left that could move and have mass.
@@ -139,15 +143,18 @@ def discretised(
     v = np.asarray(transfer @ v)  # of what has no mass the mean of its neighbours
     position = np.zeros(basis.shape[1])
     position[deflected] = u[vertex[deflected]]
-    rest, reading = start[touch], csr_matrix(basis[DOFS * touch])
+    half, total = 0.5 * thickness[touch], float(own.sum())
+    spots = csr_matrix(eye_array(count, format="csr")[touch])
     if patch is not None:
-        reading = csr_matrix(patches(mesh, touch, patch) @ basis[::DOFS])
+        spots = patches(mesh, touch, patch)
+    faces = PlateFaces.of(spots, basis, axes, half, rubs=rubs)
+    nodes = len(faces.arms)
+    rest = np.tile(start[touch], (nodes // len(touch), 1)) + faces.arms
+    radius = np.pad(half, (0, nodes - len(half)))
 
     def places(q: Floats) -> Floats:
-        return np.asarray(rest + np.outer(reading @ q, axes[2]))
+        return np.asarray(rest + faces.moved(faces.told(q)))
 
-    total = float(own.sum())
-    half = 0.5 * thickness[touch]
     first = first_frequency(reduced, weight * ~massless)
     return PlateSystem(
         names=(plate.name,),
@@ -159,10 +166,10 @@ def discretised(
         position=position,
         velocity=np.where(deflected, v[vertex], 0.0),
         places=places,
-        radius=half,
-        shell=half,
-        touching=np.ones(len(touch), dtype=bool),
-        body=np.zeros(len(touch), dtype=np.int64),
+        radius=radius,
+        shell=radius,
+        touching=np.arange(nodes) < len(touch),
+        body=np.zeros(nodes, dtype=np.int64),
         lines=mesh.cells_of(touch) if sprung else net_between(mesh, touch),
         ends={},
         rate=lambda: OF_BENDING * first,
@@ -181,7 +188,7 @@ def discretised(
         shears=shears,
         thickness=thickness,
         transfer=transfer,
-        reading=reading,
+        on_faces=faces,
         touch=touch,
         loads=tuple(
             (FACES[load.face], values(load.value, f"pressure on the {load.face}"))

@@ -276,13 +276,9 @@ def test_thick_plates_keep_energy_and_momenta():
 
 def test_what_is_not_available_is_refused():
     floor = impactfem.HalfSpace(name="floor", point=(0.0, 0.0, -0.1), normal=(0.0, 0.0, 1.0))
-    for law, message in (
-        ({"friction_coefficient": 0.3}, "friction on plate"),
-        ({"restitution": 0.5}, "own elasticity"),
-    ):
-        contact = impactfem.Contact(between=("plate", "floor"), **law)
-        with pytest.raises(SceneError, match=message):
-            scene_of(made(), obstacles=(floor,), contacts=(contact,), duration=1.0, dt=0.1)
+    contact = impactfem.Contact(between=("plate", "floor"), restitution=0.5)
+    with pytest.raises(SceneError, match="own elasticity"):
+        scene_of(made(), obstacles=(floor,), contacts=(contact,), duration=1.0, dt=0.1)
     with pytest.raises(SceneError, match="has no mass"):
         impactfem.plan(flat_stop(method="moreau_jean"))
     near = impactfem.HalfSpace(name="floor", point=(0.0, 0.0, -0.001), normal=(0.0, 0.0, 1.0))

@@ -119,7 +119,6 @@ def test_a_bar_strikes_with_its_end():
     [
         ((plate(), PARTNERS["plate"]), {"stiffness": 1e6}, "may touch at many places"),
         ((plate(), PARTNERS["box"]), {"stiffness": 1e6}, "may touch at many places"),
-        ((plate(), PARTNERS["box"]), {"friction_coefficient": 0.1}, "friction on plate"),
         ((plate(theory="reissner_mindlin"), PARTNERS["box"]), {}, "press on a single place"),
     ],
 )
