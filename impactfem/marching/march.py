@@ -1,7 +1,7 @@
 """The time loop of bars: schemes by name, windows of layers, and what is kept of the motion."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,9 @@ from impactfem.system.fronts import element_speeds, starts_as_waves
 from impactfem.system.sections import node_loads, row_loads
 from impactfem.system.spring_wall import wall_energy, wall_gap
 from impactfem.system.works import works
+
+_ONE_STEP: Mapping[Any, Any] = {"newmark": negative_control.newmark}
+"""Kernels that advance (u, v), by name; schemes of users bring theirs."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ def march(
         if scheme.kernel == "conserving":
             effort, driven = _waves(bar, gravity, chain.positions, numbers, means, record)
         else:
-            kernel = negative_control.newmark if scheme.kernel == "newmark" else scheme.kernel
+            kernel = _ONE_STEP.get(scheme.kernel, scheme.kernel)
             effort = _one_step(kernel, chain, numbers, means, tolerance, record)
         # Work of gravity: load of the layer times its path, as the schemes have it.
         work = np.cumsum(means * np.diff(record.mean))
