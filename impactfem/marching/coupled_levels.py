@@ -38,7 +38,7 @@ class CoupledLevels(LevelMarch):
         Raises:
             ConvergenceError: It was not found, or cells turn inside out.
         """
-        interior, gaps = self.interior, self._gaps
+        interior, gaps = self.interior, self._solids
         place = interior.surface_displacement
         count, dim = place.shape
         none, nowhere = np.zeros(count, dtype=bool), np.zeros_like(place)
@@ -52,10 +52,12 @@ class CoupledLevels(LevelMarch):
                 rows = np.flatnonzero(~np.isnan(held) & (gap < 0.5 * FAR))
                 shift = gaps.shift(time) - gaps.shift(start)
             directions = self._directed(gaps.normals_at(place, time))
+            interior.touch(gaps.spread(directions[:, 0]))
             if iterate == 1:
                 force[rows] = turned(directions, last)[rows]
             interior.move_surface(place)
             right = interior.unbalanced() - gaps.spread(in_space(directions, force))
+            right = np.where(interior.yields, right, 0.0)
             size = float(np.linalg.norm(right))
             falls = size <= max(slow * before, interior.rounding)
             if self._stale or (iterate > 1 and not falls):
@@ -65,7 +67,7 @@ class CoupledLevels(LevelMarch):
                 free = place - interior.relaxed(right, none, nowhere)
             else:
                 free = place - interior.answer(right)
-                way = turned(directions, gaps.relative(free - begin) - shift)
+                way = turned(directions, gaps.relative(free - begin + interior.rolled) - shift)
                 way[:, 0] = gap - held
                 way[:, 0] += turned(directions, gaps.relative(free - base))[:, 0]
                 pressed = rows[:0] if iterate > 1 else np.flatnonzero(force[rows, 0] > 0.0)
@@ -77,7 +79,8 @@ class CoupledLevels(LevelMarch):
         else:
             raise ConvergenceError(f"the surface found no equilibrium at t = {time:g} s")
         interior.move_surface(place)
-        gaps.normals_at(place, time)  # forces have no moment about where nodes are
+        normals = gaps.normals_at(place, time)  # forces have no moment about where nodes are
+        interior.touch(gaps.spread(normals))
         self._gap = gap + turned(directions, gaps.relative(place - base))[:, 0]
         self._normals, self._active = directions[:, 0], force[:, 0] > 0.0
         self._put_forces(directions, force)
@@ -85,16 +88,16 @@ class CoupledLevels(LevelMarch):
 
     def _handed(self) -> Floats:
         """Where gaps are held, by which carry them now: nodes slide from obstacle to obstacle."""
-        if self._gaps.shares_nodes:
+        if self._solids.shares_nodes:
             known = ~np.isnan(self._held)
-            count = self._gaps.handed(known.astype(np.float64))
-            total = self._gaps.handed(np.where(known, self._held, 0.0))
+            count = self._solids.handed(known.astype(np.float64))
+            total = self._solids.handed(np.where(known, self._held, 0.0))
             self._held = np.where(count > 0.0, total / np.maximum(count, 1.0), np.nan)
         return self._held
 
     def _put_forces(self, directions: Floats, force: Floats) -> None:
         self._force = force[:, 0]
-        self._acting = LevelForces.of(self._gaps, directions, force)
+        self._acting = LevelForces.of(self._solids, directions, force)
 
     def _obeying(
         self, rows: Integers, way: Floats, directions: Floats, force: Floats, pressed: Integers
@@ -111,7 +114,7 @@ class CoupledLevels(LevelMarch):
         Returns:
             All forces [N], (gaps, ways), and displacements [m], (nodes, dim).
         """
-        units = self._gaps.units(rows, directions[rows])
+        units = self._solids.units(rows, directions[rows])
         nodes = np.flatnonzero(units.any(axis=(0, 1, 3)))
         answers = self.interior.answers(nodes)
         size = answers.shape[0] * answers.shape[1]
@@ -133,4 +136,4 @@ class CoupledLevels(LevelMarch):
     def _balance(self, *, first: bool = False) -> None:
         """Find what the forces of a level leave, which goes inside (collective)."""
         right = self.interior.balance()
-        self.interior.receive(right - self._gaps.spread(self._acting.vectors), first=first)
+        self.interior.receive(right - self._solids.spread(self._acting.vectors), first=first)

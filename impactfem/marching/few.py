@@ -324,6 +324,11 @@ class FewMidpoint(FewInterior):
         """Solve for the rates at the end of the step, with what has pushed so far."""
         self._ahead = self._settle(self._ahead)
 
+    def jolt(self, impulses: Floats) -> None:
+        """Change the rates now by impulses on the contact nodes [N s], (count, dim)."""
+        acting = self.bodies.jacobian(self._q).T @ impulses.ravel()
+        self._v = self._v + np.linalg.solve(self._mass, acting)
+
     def displaced(self, q: Floats) -> Floats:
         """Displacements of the contact nodes with some coordinates [m], (count, dim)."""
         return self.bodies.places(q) - self._start

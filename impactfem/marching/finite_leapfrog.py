@@ -52,6 +52,8 @@ class FiniteLeapfrog(FiniteBody):
 
     Attributes:
         most: Steps of the layers so far, at most.
+        yields: Whether no support holds contact nodes along each direction, (count, dim).
+        rolled: That they touch themselves: 0 [m], (count, dim).
     """
 
     def __init__(
@@ -84,8 +86,8 @@ class FiniteLeapfrog(FiniteBody):
         self._solid, self._kind = solid, linear_solver
         self._matrix: Any = None
         self._moves = self._inverse > 0.0
-        free = surface.gather((~system.constrained).astype(np.float64)) > 0.0
-        self._free = free
+        self.yields = free = surface.gather((~system.constrained).astype(np.float64)) > 0.0
+        self.rolled = np.zeros(free.shape)
         self._layer = SurfaceLayer(elements, system.nodes, surface, free)
         self._inward = Inward(
             elements, system.nodes, self._layer.canonical, surface.gather(system.positions.ravel()),
@@ -174,7 +176,7 @@ class FiniteLeapfrog(FiniteBody):
         self._older = [now, older]
         guess = 3.0 * (now - older) + oldest
         held = self._surface.gather(self.displacement) if drive.has_moved else now
-        self.move_surface(np.where(self._free, guess, held))
+        self.move_surface(np.where(self.yields, guess, held))
         self._level(end)
 
     def _level(self, time: float) -> None:
@@ -187,6 +189,9 @@ class FiniteLeapfrog(FiniteBody):
         if self._following is not None:
             self._following.put(*around)
         self._pull = self._drive.gravity(*around)
+
+    def touch(self, normals: Floats) -> None:
+        """Nothing: nodes touch themselves."""
 
     def move_surface(self, place: Floats) -> None:
         """Put the contact nodes somewhere, (count, dim) [m]."""
@@ -202,7 +207,7 @@ class FiniteLeapfrog(FiniteBody):
         found = self._layer.forces() - self._surface_load
         if self._following is not None:
             found -= self._surface.gather(self._following.forces())
-        return np.where(self._free, found, 0.0)
+        return np.where(self.yields, found, 0.0)
 
     @property
     def lag(self) -> float:
@@ -247,7 +252,7 @@ class FiniteLeapfrog(FiniteBody):
             self._load = self._dead + np.where(self._system.constrained, 0.0, pushed)
         self._last_force, self._force = self._force, self._load - self._internal
         found = -self._surface.gather(self._force)
-        return np.where(self._free, found, 0.0)
+        return np.where(self.yields, found, 0.0)
 
     def receive(self, left: Floats, *, first: bool = False) -> None:
         """Hand what the surface leaves unbalanced (count, dim) [N] to the inside; accelerate it.
@@ -276,7 +281,7 @@ class FiniteLeapfrog(FiniteBody):
             self.velocity -= 0.5 * step * self._inverse * pushed
         self._surface.spread(self._surface_now, self.displacement)
         drift = (self._surface_now - self._older[0]) / step
-        self._surface.spread(np.where(self._free, drift, 0.0), self.velocity)
+        self._surface.spread(np.where(self.yields, drift, 0.0), self.velocity)
         if self._driven:
             way, held = self.displacement - self._before, self._drive.moved
             self.velocity[held] = way[held] / step

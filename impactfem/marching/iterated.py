@@ -75,6 +75,9 @@ class Resolving(Interior, Protocol):
     def advance(self) -> Any:
         """End the step at what was found; the work of loads [J]."""
 
+    def jolt(self, impulses: Floats) -> None:
+        """Change the rates now by impulses on what touches [N s], (count, dim)."""
+
     def summed(self, work: Any) -> list[Sums]:
         """Sums now, with the work of loads since the last ones [J]."""
 
@@ -229,6 +232,10 @@ class Iterated(Meshless):
     def accept(self) -> None:
         """End the step at the iterate."""
         self._work = self._work + self.body.advance()
+
+    def jolt(self, impulses: Floats) -> None:
+        """Change its rates now by impulses on what touches [N s], (count, dim)."""
+        self.body.jolt(impulses)
 
     def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""

@@ -100,12 +100,18 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
 
     def accept(self) -> None:
         """End the step of all; where limits have turned rates, these keep to the joints."""
-        if any(body.jumped for body in self._held) or self._states.stops.any():
+        if self._struck or any(body.jumped for body in self._held) or self._states.stops.any():
             self._project()
+        self._struck = False
         super().accept()
         for body in self._held:
             body.finish()
         self._driven += self._ended()[1]
+
+    def jolt(self, impulses: Floats) -> None:
+        """Change all rates now; what the joints do not allow of that the next step takes off."""
+        super().jolt(impulses)
+        self._struck = True
 
     def finish(self, static: Floats) -> list[Sums]:
         """End the layer of all bodies; sums of each."""

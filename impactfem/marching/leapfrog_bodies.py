@@ -37,6 +37,17 @@ class LevelStepper(Stepper, Protocol):
     def lag(self) -> float:
         """Share of forces that an iterate leaves as tangents know no pressures (collective)."""
 
+    @property
+    def yields(self) -> Booleans:
+        """Whether forces at a level move contact nodes along each direction, (count, dim)."""
+
+    @property
+    def rolled(self) -> Floats:
+        """How far what touches has moved in the step besides its node [m], (count, dim)."""
+
+    def touch(self, normals: Floats) -> None:
+        """Learn where bodies that roll touch, by the normals of their nodes (count, dim)."""
+
     def pieces(self) -> int:
         """Steps that the next layer takes (collective)."""
 
@@ -95,6 +106,21 @@ class LeapfrogBodies(Bodies[LevelStepper]):
     def lag(self) -> float:
         """The largest of them."""
         return max(part.lag for part in self.parts)
+
+    @property
+    def yields(self) -> Booleans:
+        """Whether forces at a level move contact nodes along each direction, (count, dim)."""
+        return np.concatenate([part.yields for part in self.parts])
+
+    @property
+    def rolled(self) -> Floats:
+        """How far what touches has moved in the step besides its node [m], (count, dim)."""
+        return np.concatenate([part.rolled for part in self.parts])
+
+    def touch(self, normals: Floats) -> None:
+        """Learn where bodies that roll touch."""
+        for k, part in enumerate(self.parts):
+            part.touch(normals[self.own(k)])
 
     def pieces(self) -> int:
         """Steps that the next layer takes: those of the body that needs most."""

@@ -16,9 +16,12 @@ from typing import Any
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
+from impactfem.contact.gaps_beside import GapsBeside
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
+from impactfem.marching.between_levels import BetweenLevels
 from impactfem.marching.leapfrog_bodies import LevelStepper
+from impactfem.marching.layers import ContactGaps
 from impactfem.marching.level_forces import LevelForces
 from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.rubbing import turned
@@ -34,33 +37,52 @@ _START = 1e-10  # of the forces that the first level leaves
 class LevelMarch(TimeLoop[LevelStepper]):
     """A march of one body in explicit steps."""
 
-    def __init__(self, interior: LevelStepper, settings: LoopSettings) -> None:
-        """Balance the initial state; see `TimeLoop`."""
-        super().__init__(interior, settings)
+    def __init__(
+        self, interior: LevelStepper, settings: LoopSettings, beside: BetweenLevels | None = None
+    ) -> None:
+        """Balance the initial state; see `TimeLoop`.
+
+        Args:
+            interior: What the scheme does inside the bodies.
+            settings: All else; with bodies beside solids their gaps are `GapsBeside`.
+            beside: Those bodies; None without any.
+        """
+        self._beside = beside
         gaps = settings.gaps
-        self._nodes = gaps.entries(np.arange(len(self.contact.gap)))[1]
-        self._force = self.contact.multiplier.copy()
+        self._solids: ContactGaps = gaps.first if isinstance(gaps, GapsBeside) else gaps
+        super().__init__(interior, settings)
+        gaps = self._solids
+        own = slice(len(gaps.pair_of()))
+        self._nodes = gaps.entries(np.arange(own.stop))[1]
+        self._force, gap = self.contact.multiplier[own].copy(), self.contact.gap[own]
         self._active = self._force > 0.0
-        self._held = np.where(self._active, self.contact.gap, np.nan)
+        self._held = np.where(self._active, gap, np.nan)
         self._fresh = np.zeros_like(self._active)
         self._stale = True
-        directions = self._directed(self._normals)
+        directions = self._directed(self._normals[own])
         force = np.zeros(directions.shape[:2])
         if settings.rest is not None:
-            force = turned(directions, settings.rest[2])
+            force = turned(directions, settings.rest[2][own])
         force[:, 0] = self._force
         self._acting = LevelForces.of(gaps, directions, force)
+        interior.touch(gaps.spread(directions[:, 0]))
         if settings.rest is not None:
             self._balance(first=True)
             self.rows.put(0, interior.finish(self.contact.static))
 
     def findings(self) -> tuple[Finding, ...]:
-        """Cells that shorten the steps."""
-        most = self.interior.most
+        """Cells that shorten the steps, and what is to say of bodies beside."""
+        most, found = self.interior.most, tuple[Finding, ...]()
+        if self._beside is not None:
+            found = self._beside.march.findings()
         if most <= 1:
-            return ()
+            return found
         text = f"squeezed cells bear only shorter steps: time steps were divided into {most}"
-        return (Finding("setting", "note", text, value=float(most), limit=1.0),)
+        return (*found, Finding("setting", "note", text, value=float(most), limit=1.0))
+
+    def figures(self) -> Mapping[str, Any]:
+        """Those of bodies beside."""
+        return {} if self._beside is None else self._beside.march.figures()
 
     def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002
         """Bring the surface to equilibrium, untouched, before the first level is summed up."""
@@ -89,7 +111,8 @@ class LevelMarch(TimeLoop[LevelStepper]):
     ) -> None:
         """See `TimeLoop.restore`."""
         super().restore(state, memory, asked, layer)
-        self._held, self._force = memory["level.held"], self.contact.multiplier
+        self._held = memory["level.held"]
+        self._force = self.contact.multiplier[: len(self._held)]
         self._active, flags = self._force > 0.0, memory["level.flags"] > 0.0
         self._stale, self._fresh = bool(flags[0]), flags[1:]
         names = ("directions", "force", "rubbing")
@@ -102,7 +125,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
 
     def _advance(self) -> Floats:
         """One layer; returns its mean contact forces [N]."""
-        layer, interior, gaps, state = self.layer, self.interior, self._gaps, self.contact
+        layer, interior, gaps, state = self.layer, self.interior, self._solids, self.contact
         dt, pieces, wanting = interior.dt, interior.pieces(), interior.between
         done = LayerSums(len(self._force), state.static.shape[1])
         time = layer * dt
@@ -115,7 +138,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
             shift = gaps.shift(end) - gaps.shift(time)
             extra = self._turning(last)
             interior.close(-gaps.spread(extra.vectors))
-            moved = interior.surface_displacement - begin
+            moved = interior.surface_displacement - begin + interior.rolled
             way = gaps.relative(moved) - shift
             for acting in (last, self._acting, extra):
                 acting.act(done, moved, shift, end - time)
@@ -127,10 +150,14 @@ class LevelMarch(TimeLoop[LevelStepper]):
         self.rows.put(self.layer, interior.finish(static))
         if layer == 0:  # of linear steps this part stays
             self.rows.sums[0, :, 1] += interior.between - wanting
-        self.rows.obstacle_work[self.layer] = done.obstacles
-        self.rows.friction_work[self.layer] = done.friction
-        self.contact = ContactState(self._force, self._gap, state.multiplier, state.gap, static)
-        self._done = done
+        force, gap = self._force, self._gap
+        if (beside := self._beside) is not None:
+            also, normals = beside.march.contact, (self._acting.directions[:, 0], beside.march.normals)
+            self._normals = np.concatenate(normals)
+            force, gap = np.append(force, also.multiplier), np.append(gap, also.gap)
+            done = done.beside(beside.taken())
+        self.contact = ContactState(force, gap, state.multiplier, state.gap, static)
+        self._close_layer(done)
         mean: Floats = done.impulse / dt
         self._close_row(self.layer, mean, done.iterations)
         return mean
@@ -191,7 +218,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
 
     def _put(self, place: Floats, active: Any, time: float) -> None:
         """Find gaps and normals, and put active nodes where they are held."""
-        self._gap, self._normals = self._gaps.at(place, place, place, time)
+        self._gap, self._normals = self._solids.at(place, place, place, time)
         if active.any():
             off = self._held[active] - self._gap[active]
             place[self._nodes[active]] += off[:, None] * self._normals[active]
@@ -203,8 +230,8 @@ class LevelMarch(TimeLoop[LevelStepper]):
         push = np.einsum("ij,ij->i", self._normals, right[self._nodes])
         self._force = np.where(self._active, np.maximum(push, 0.0), 0.0)
         directions = self._normals[:, None]
-        self._acting = LevelForces.of(self._gaps, directions, self._force[:, None])
-        self.interior.receive(right - self._gaps.spread(self._acting.vectors), first=first)
+        self._acting = LevelForces.of(self._solids, directions, self._force[:, None])
+        self.interior.receive(right - self._solids.spread(self._acting.vectors), first=first)
 
     def _turning(self, last: LevelForces) -> LevelForces:
         """What forces that begin or end in a step act more at its end.
@@ -220,7 +247,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
         fresh = self._fresh & (force > 0.0)
         less = np.where(gone[:, None], -share[:, None] * last.force, 0.0)
         more = np.where(fresh[:, None], _BEGINNING * self._acting.force, less)
-        return LevelForces.of(self._gaps, self._acting.directions, more)
+        return LevelForces.of(self._solids, self._acting.directions, more)
 
     def _catch(self) -> None:
         """Let nodes go that nothing presses, and hold those that are inside an obstacle."""

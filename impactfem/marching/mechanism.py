@@ -403,6 +403,18 @@ class MechanismMidpoint(ShownMechanism):
         """Of the contact nodes at the end of the step, as it is solved now [m/s], (count, dim)."""
         return self._velocities(self.way(1.0), self._ahead, 0.0 * self._offset)
 
+    def jolt(self, impulses: Floats) -> None:
+        """Change the rates now by impulses on what touches [N s], (count, 3)."""
+        bodies, tree = self.bodies, self.bodies.tree
+        turns, _ = tree.poses(self._q, bodies.moving)
+        links = tree.jacobians(self._q, bodies.moving)[bodies.on]
+        arms = np.einsum("kij,kj->ki", turns[bodies.on], bodies.arms) + self._offset
+        acting = np.einsum("kiv,ki->v", links[:, :3], impulses)
+        acting += np.einsum("kiv,ki->v", links[:, 3:], cross(arms, impulses))
+        self._v = self._v + np.linalg.solve(self._inertia, acting)
+        self._ahead = self._v.copy()
+        self._begin()
+
     def drift(self, span: float) -> None:
         """Go on for a time [s] at the rates now, without forces."""
         self._q = self.bodies.tree.integrate(self._q, span * self._v)

@@ -276,6 +276,10 @@ class NetMidpoint(FewInterior):
         """Solve for the velocities at the end of the step, with what has pushed so far."""
         self._ahead = self._settle(self._ahead)
 
+    def jolt(self, impulses: Floats) -> None:
+        """Change the velocities now by impulses on the nodes [N s], (count, dim)."""
+        self._v = self._v + impulses[self.bodies.free].ravel() / self._mass
+
     def look(self) -> None:
         """Nothing: forces act on nodes wherever these are."""
 

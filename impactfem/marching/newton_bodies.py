@@ -83,6 +83,9 @@ class NewtonStepper(Stepper, Protocol):
     def accept(self) -> None:
         """End the step at the iterate."""
 
+    def jolt(self, impulses: Floats) -> None:
+        """Change rates now by impulses on what touches [N s], (count, dim); of what has mass."""
+
 
 class NewtonBodies(Bodies[NewtonStepper]):
     """Several bodies; those that no force reaches are not asked for answers."""
@@ -154,3 +157,8 @@ class NewtonBodies(Bodies[NewtonStepper]):
         """End the step of all."""
         for part in self.parts:
             part.accept()
+
+    def jolt(self, impulses: Floats) -> None:
+        """Change the rates of all now by impulses on what touches [N s], (count, dim)."""
+        for k, part in enumerate(self.parts):
+            part.jolt(impulses[self.own(k)])

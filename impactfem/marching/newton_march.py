@@ -123,11 +123,24 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
 
     def _advance(self) -> Floats:
         """One layer, in as many steps as it takes; returns its mean contact forces [N]."""
-        layer, interior, state = self.layer, self.interior, self.contact
-        dt = interior.dt
-        time, end = layer * dt, (layer + 1) * dt
+        layer, dt = self.layer, self.interior.dt
+        done = self.through(layer * dt, (layer + 1) * dt)
+        self.layer = layer + 1
+        self.rows.put(self.layer, self.interior.finish(self.contact.static))
+        self._close_layer(done)
+        force: Floats = done.impulse / dt
+        self._close_row(self.layer, force, done.iterations)
+        return force
+
+    def through(self, time: float, end: float) -> LayerSums:
+        """Take the bodies from one time to another, at most a layer later; what that sums up to.
+
+        Raises:
+            ConvergenceError: No equilibrium was found, not even in short steps.
+        """
+        interior, state, dt = self.interior, self.contact, self.interior.dt
         last, cuts = state.multiplier, _CUTS
-        if layer == 0:
+        if self.layer == 0:
             self._stuck = self._still(time, end)
         done = LayerSums(len(last), interior.surface_displacement.shape[1])
         before = self._look(interior.surface_displacement, time)
@@ -162,21 +175,21 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             cuts, tries = cuts - tries, 0
             before = self._look(interior.surface_displacement, time)
             last = self._hand_over(last)
-        self.layer = layer + 1
-        static = np.zeros_like(state.static)
-        self.rows.put(self.layer, interior.finish(static))
-        self.rows.obstacle_work[self.layer] = done.obstacles
-        self.rows.friction_work[self.layer] = done.friction
-        self.rows.impact_work[self.layer] = done.impacts
-        self.rows.impact[self.layer] = done.impulse[done.struck].sum()
-        self._impulsive = done.struck
         if self._springs is not None:  # pressed by which gaps are shut
             before = before + self._springs.depth(last)
-        self.contact = ContactState(last, before, state.multiplier, state.gap, static)
-        self._done = done
-        force: Floats = done.impulse / dt
-        self._close_row(self.layer, force, done.iterations)
-        return force
+        none = np.zeros_like(state.static)
+        self.contact = ContactState(last, before, state.multiplier, state.gap, none)
+        return done
+
+    @property
+    def normals(self) -> Floats:
+        """Of the gaps, as the last step has them, (gaps, dim)."""
+        return self._normals
+
+    @property
+    def towards(self) -> Floats:
+        """Sum of the normals of the gaps of each contact node, (nodes, dim)."""
+        return self._gaps.spread(self._normals)
 
     def _look(self, place: Floats, time: float) -> Floats:
         """Gaps of contact nodes at a place, which is looked at once [m], (gaps,)."""

@@ -73,3 +73,17 @@ class LayerSums:
             acting, way = told(step.directions, step.force, step.way[:, 1:])
             self.rubbed += span * acting[:, 1:]
             self.slid += np.where(step.force[:, 0] > 0.0, way, 0.0)
+
+    def join(self, other: "LayerSums") -> None:
+        """Those of later steps."""
+        for name, value in vars(other).items():
+            setattr(self, name, getattr(self, name) + value)
+
+    def beside(self, other: "LayerSums") -> "LayerSums":
+        """With those of other gaps behind them."""
+        found = LayerSums(0, self.vectors.shape[1])
+        for name, value in vars(self).items():
+            more = getattr(other, name)
+            arrays = isinstance(value, np.ndarray)
+            setattr(found, name, np.concatenate([value, more]) if arrays else value + more)
+        return found

@@ -458,6 +458,15 @@ class RigidBodies(Meshless):
         """Of the contact nodes at the end of the step, as it is solved now [m/s], (count, dim)."""
         return self._velocities(self.end, self.rates_ahead, self._ended + self._around(self.end))
 
+    def jolt(self, impulses: Floats) -> None:
+        """Change the rates now by impulses on what touches [N s], (count, dim)."""
+        arms = self._bare + self._around(self._turn) + self._offset
+        wrench = gathered(impulses[None], self.apart, arms, len(self._mass))[0]
+        spun = np.einsum("bij,bkj,bk->bi", self._inverse, self._turn, wrench[:, 3:])
+        self._speed = self._speed + wrench[:, :3] / self._mass
+        self._spin = self._spin + spun
+        self._speed_ahead, self._spin_ahead = self._speed, self._spin
+
     def drift(self, span: float) -> None:
         """Go on for a time [s] at the rates now, without forces."""
         ways = span * self._spin

@@ -43,6 +43,11 @@ class Friction:
     spinning: Floats
     accuracy: Accuracy = field(default_factory=Accuracy)
 
+    def some(self, rows: Integers) -> "Friction":
+        """Of some gaps."""
+        names = ("coefficients", "rebound", "static", "rolling", "spinning")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
     @cached_property
     def solving(self) -> Solving:
         """How its problems are solved."""

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -80,6 +80,18 @@ class LoopSettings:
     springs: ContactSprings | None = None
     most_pairs: int | None = None
     impact_law: Law = "simultaneous"
+
+    def of(self, rows: Integers, gaps: ContactGaps) -> "LoopSettings":
+        """Of some of its gaps, which are `gaps`."""
+        rest, (restitution, poisson, friction, springs) = self.rest, (
+            None if law is None else law[rows] if isinstance(law, np.ndarray) else law.some(rows)
+            for law in (self.restitution, self.poisson, self.friction, self.springs)
+        )
+        return replace(
+            self, gaps=gaps, restitution=restitution, poisson=poisson, friction=friction,
+            springs=springs,
+            rest=None if rest is None else (rest[0][rows], rest[1], rest[2][rows]),
+        )  # fmt: skip
 
 
 class TimeLoop[I: Stepper](ABC):
@@ -173,6 +185,11 @@ class TimeLoop[I: Stepper](ABC):
         return np.zeros(0, dtype=np.int64)
 
     @property
+    def gaps(self) -> ContactGaps:
+        """All gaps, as observers look at them."""
+        return self._gaps
+
+    @property
     def springs(self) -> bool:
         """Whether there are springs in gaps."""
         return self._springs is not None
@@ -242,6 +259,13 @@ class TimeLoop[I: Stepper](ABC):
     def _pressed_work(self, way: Floats) -> float:
         """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
         return float(self.contact.multiplier @ np.einsum("ij,ij->i", self._normals, way))
+
+    def _close_layer(self, done: LayerSums) -> None:
+        """Store what the steps of a layer have summed up to."""
+        rows, row, self._done = self.rows, self.layer, done
+        rows.obstacle_work[row], rows.friction_work[row] = done.obstacles, done.friction
+        rows.impact_work[row], rows.impact[row] = done.impacts, done.impulse[done.struck].sum()
+        self._impulsive = done.struck
 
     def _close_row(self, row: int, force: Floats, iterations: int) -> None:
         """Store what is the same on all ranks."""

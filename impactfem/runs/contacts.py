@@ -1,7 +1,7 @@
 """All gaps of a march in their order, and the laws of the scene for each of them."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -167,6 +167,20 @@ class Contacts:
         meets = [pair.meet for pair in self.pairs]
         labels = [label for pair in self.pairs for label in pair.labels]
         return PairGaps(self.places, self.initial, obstacles, meets, labels, self.faces)
+
+    def split(self, solids: Collection[str]) -> tuple["Contacts", "Contacts"]:
+        """Those of some bodies, and the others."""
+        first, second = (
+            replace(
+                self,
+                obstacles=tuple(e for e in self.obstacles if (e.names[0][0] in solids) == own),
+                pairs=tuple(
+                    p for p in self.pairs if any({*both} & {*solids} for both in p.names) == own
+                ),
+            )
+            for own in (True, False)
+        )
+        return first, second
 
     @property
     def names(self) -> tuple[Names, ...]:

@@ -9,9 +9,11 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.contact.complementarity import Solver, solve_by_active_set
+from impactfem.contact.gaps_beside import GapsBeside
 from impactfem.errors import SceneError
 from impactfem.fem import gather
 from impactfem.log import Progress
+from impactfem.marching.between_levels import BetweenLevels, Still
 from impactfem.marching.composite import Composite
 from impactfem.marching.coupled_levels import CoupledLevels
 from impactfem.marching.few import FewInterior, FewMidpoint
@@ -139,15 +141,16 @@ def make_loop(
         impact_law=cast("Law", scene.solve.impact_law or "simultaneous"),
     )  # fmt: skip
     made = _Making(
-        model, numbers.linear_solver, scheme, each, few, surfaces, settings, progress, dt, alone
-    )
+        model, numbers.linear_solver, scheme, each, few, surfaces, contacts, settings, progress, dt,
+        alone,
+    )  # fmt: skip
     if not iterates:
         started, joined, march = made.linear()
     elif limit is None:
         started, joined, march = made.iterated()
     else:
         started, joined, march = made.levels(limit)
-    return Loop(march, gaps, contacts, offsets, started, joined if model.joints else None)
+    return Loop(march, march.gaps, contacts, offsets, started, joined if model.joints else None)
 
 
 @dataclass(frozen=True)
@@ -168,6 +171,7 @@ class _Making:
     each: Sequence[Discretised]
     few: Sequence[Marched]
     surfaces: Sequence[SurfaceNodes]
+    contacts: Contacts
     settings: LoopSettings
     progress: Progress
     dt: float
@@ -259,23 +263,41 @@ class _Making:
         ]  # fmt: skip
         together: LevelStepper = bodies[0] if self.alone else LeapfrogBodies(bodies)
         started = self._brought_to_rest(bodies, together)
-        march = LevelMarch if self.alone else CoupledLevels
-        return started, None, march(together, self._beginning(started))
+        settings = self._beginning(started)
+        if not self.few:
+            march = LevelMarch if self.alone else CoupledLevels
+            return started, None, march(together, settings)
+        solids = {part.solid.name for part in self.model.parts}
+        gaps = GapsBeside(*(each.gaps() for each in self.contacts.split(solids)))
+        own = np.array([bool({*names} & solids) for names in self.contacts.names])
+        count = sum(surface.count for surface in self.surfaces)
+        still = Still(self.model.scene.vector_gravity, self.dt, count)
+        joined = self._joined([still])
+        among = replace(settings.of(np.flatnonzero(~own), gaps.second), layers=0)
+        beside = BetweenLevels(joined, among, count)
+        settings = settings.of(np.argsort(~own, kind="stable"), gaps)
+        every = LeapfrogBodies([*bodies, beside])
+        return started, joined, CoupledLevels(every, settings, beside)
 
-    def iterated(self) -> tuple[Started | None, Any, TimeLoop[Any]]:
-        """Of bodies whose steps are solved by iterates; what joints hold is with them."""
-        kind, joints, first = self.kind, self.model.joints, len(self.each)
-        bodies = [FiniteMidpoint(p.system, p.solid, s, t, self.dt, kind) for p, s, t in self.each]
+    def _joined(self, solids: Sequence[NewtonStepper]) -> NewtonBodies:
+        """Bodies without meshes behind others, in steps by iterates, with what joints hold."""
+        joints, first = self.model.joints, len(self.each)
         beside = [
             cast("NewtonStepper", part)
             if isinstance(part, PlateNewton)
             else Iterated(cast("Resolving", part))
             for part in cast("list[Any]", _steppers(self.model, self.few))
         ]
-        interior: NewtonStepper = bodies[0] if self.alone else NewtonBodies([*bodies, *beside])
-        if joints is not None:
-            held = _held([(self.few[at - first], own) for at, own in joints.parts])
-            interior = JointedNewton([*bodies, *beside], joints, held)
+        if joints is None:
+            return NewtonBodies([*solids, *beside])
+        held = _held([(self.few[at - first], own) for at, own in joints.parts])
+        return JointedNewton([*solids, *beside], joints, held)
+
+    def iterated(self) -> tuple[Started | None, Any, TimeLoop[Any]]:
+        """Of bodies whose steps are solved by iterates; what joints hold is with them."""
+        kind = self.kind
+        bodies = [FiniteMidpoint(p.system, p.solid, s, t, self.dt, kind) for p, s, t in self.each]
+        interior: NewtonStepper = bodies[0] if self.alone else self._joined(bodies)
         started = self._brought_to_rest(bodies, interior)
         return started, interior, NewtonMarch(interior, self._beginning(started))
 

@@ -50,12 +50,7 @@ def _check_explicit(scene: Content) -> None:
     finite = {solid.name for solid in scene.solids if solid.is_finite}
     solids = {solid.name for solid in scene.solids}
     for place, body in enumerate(scene.bodies):
-        if body.name not in solids:
-            text = f" = {show(body.kind)}: beside explicit steps under finite strain there are "
-            raise KeyedError(
-                f"body[{place}]", "kind", f"{text}solids only: give a solid, {conserving}"
-            )
-        if body.name not in finite:
+        if body.name in solids - finite:
             text = f' = "small" of {body.name}: beside explicit steps under finite strain all '
             text += f'solids have it: give strain = "finite", {conserving}'
             raise KeyedError(f"body[{place}]", "strain", text)
