@@ -1,10 +1,10 @@
 """Bodies that step themselves from level to level, beside solids of finite strain there.
 
-Solids in explicit steps hand forces F_m over at levels. Other bodies take their own step to the next
-one with F_m, contact, joints and impacts among them included, and then the rates that forces give
-which change linearly:
+Solids in explicit steps hand forces F_m over at levels. Other bodies take their own step to the
+next one with F_m, contact, joints and impacts among them included, and then the change of rates by
+forces that change:
 
-    step with F_m from (x_m, v_m) to (x_{m+1}, v*),    v_{m+1} = v* + dt M^-1 H^T (F_{m+1} - F_m) / 2.
+    (x_m, v_m) -> (x_{m+1}, v) with F_m,    v_{m+1} = v + dt M^-1 H^T (F_{m+1} - F_m) / 2.
 
 Of a point that is x_{m+1} - 2 x_m + x_{m-1} = dt^2 M^-1 F_m, as inside the solids, so that F_m does
 the work F_m (x_{m+1} - x_{m-1}) / 2 on both. x_{m+1} does not depend on F_{m+1}: at a level the
@@ -67,6 +67,10 @@ class Still(Meshless):
     def linearise(self) -> Floats:
         """Nothing moves."""
         return self.surface_way
+
+    def answers(self, forces: Floats) -> Floats:
+        """Nothing moves."""
+        return np.zeros_like(forces)
 
     def correct(self, forces: Floats) -> None:
         """Nothing."""
@@ -275,7 +279,8 @@ class BetweenLevels(Meshless):
 
     def finish(self, static: Floats) -> list[Sums]:
         """End the layer and sum up."""
-        return self._told(self._bodies.finish(self._all(static)))
+        ended = self._bodies.finish if self.march.layer else self._bodies.initial
+        return self._told(ended(self._all(static)))
 
     def _told(self, sums: list[Sums]) -> list[Sums]:
         over = self._span**2 / 8.0 * self._over * self.counts

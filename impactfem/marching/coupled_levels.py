@@ -14,6 +14,8 @@ Each iterate of Newton's method solves the law on the compliance of the surface,
 march does; its tangent and what was found of its inverse serve for many levels.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
@@ -21,7 +23,7 @@ from impactfem.contact.followed_pair import FAR
 from impactfem.errors import ConvergenceError
 from impactfem.marching.level_forces import LevelForces
 from impactfem.marching.level_march import MOST, SLOW, USUAL, LevelMarch
-from impactfem.marching.rubbing import frames, in_space, obeying, turned
+from impactfem.marching.rubbing import frames, held_by_static, in_space, obeying, turned
 
 _REGULAR = 1e-12  # share of the largest compliance below which a gap does not yield
 
@@ -43,6 +45,7 @@ class CoupledLevels(LevelMarch):
         count, dim = place.shape
         none, nowhere = np.zeros(count, dtype=bool), np.zeros_like(place)
         self._needed = np.zeros(len(self._held))
+        self._sticking = np.zeros_like(self._stuck)
         force, before = np.zeros_like(self._acting.force), np.inf
         slow = SLOW[dim] + interior.lag
         for iterate in range(1, MOST + 1):
@@ -83,6 +86,7 @@ class CoupledLevels(LevelMarch):
         interior.touch(gaps.spread(normals))
         self._gap = gap + turned(directions, gaps.relative(place - base))[:, 0]
         self._normals, self._active = directions[:, 0], force[:, 0] > 0.0
+        self._stuck = self._sticking & self._active
         self._put_forces(directions, force)
         return iterate
 
@@ -128,10 +132,26 @@ class CoupledLevels(LevelMarch):
             inner = matrix[::ways, ::ways][np.ix_(pressed, pressed)]
             still = np.linalg.lstsq(inner, -offset[pressed, 0], rcond=_REGULAR)[0]
             self._needed[rows[pressed]] = still
-        solved = obeying(matrix, offset, rows, own, self._friction, self._how)
-        found[rows] = solved
+        solved = found[rows] = self._lawful(matrix, offset, rows, own)
         change = (solved - force[rows]).ravel() @ act
         return found, (change @ answers.reshape(size, -1)).reshape(answers.shape[2:])
+
+    def _lawful(self, matrix: Floats, offset: Floats, rows: Integers, own: Floats) -> Floats:
+        """Forces by the law of friction, static one included; see `obeying`."""
+        law = self._friction
+        if law is None or not (law.static > law.coefficients)[rows].any():
+            return obeying(matrix, offset, rows, own, law, self._how)
+
+        def with_friction(mu: Floats) -> tuple[Floats, Floats]:
+            some = replace(law.some(rows), coefficients=mu)
+            found = obeying(matrix, offset, np.arange(len(rows)), own, some, self._how)
+            return found, found
+
+        kinetic, static = law.coefficients[rows], law.static[rows]
+        solved, self._sticking[rows] = held_by_static(
+            with_friction, self._stuck[rows], kinetic, static
+        )
+        return solved
 
     def _balance(self, *, first: bool = False) -> None:
         """Find what the forces of a level leave, which goes inside (collective)."""

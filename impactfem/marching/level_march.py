@@ -21,7 +21,6 @@ from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
 from impactfem.marching.between_levels import BetweenLevels
 from impactfem.marching.leapfrog_bodies import LevelStepper
-from impactfem.marching.layers import ContactGaps
 from impactfem.marching.level_forces import LevelForces
 from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.rubbing import turned
@@ -49,7 +48,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
         """
         self._beside = beside
         gaps = settings.gaps
-        self._solids: ContactGaps = gaps.first if isinstance(gaps, GapsBeside) else gaps
+        self._solids = gaps.first if isinstance(gaps, GapsBeside) else gaps
         super().__init__(interior, settings)
         gaps = self._solids
         own = slice(len(gaps.pair_of()))
@@ -57,7 +56,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
         self._force, gap = self.contact.multiplier[own].copy(), self.contact.gap[own]
         self._active = self._force > 0.0
         self._held = np.where(self._active, gap, np.nan)
-        self._fresh = np.zeros_like(self._active)
+        self._fresh, self._stuck = np.zeros_like(self._active), self._active.copy()
         self._stale = True
         directions = self._directed(self._normals[own])
         force = np.zeros(directions.shape[:2])
@@ -101,7 +100,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
 
     def memory(self) -> dict[str, Floats]:
         """See `TimeLoop.memory`."""
-        flags = np.array([self._stale, *self._fresh], dtype=np.float64)
+        flags = np.array([self._stale, *self._fresh, *self._stuck], dtype=np.float64)
         own = {"level.held": self._held, "level.flags": flags}
         acting = {f"level.{name}": values for name, values in vars(self._acting).items()}
         return super().memory() | own | acting
@@ -114,7 +113,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
         self._held = memory["level.held"]
         self._force = self.contact.multiplier[: len(self._held)]
         self._active, flags = self._force > 0.0, memory["level.flags"] > 0.0
-        self._stale, self._fresh = bool(flags[0]), flags[1:]
+        self._stale, (self._fresh, self._stuck) = bool(flags[0]), flags[1:].reshape(2, -1)
         names = ("directions", "force", "rubbing")
         self._acting = LevelForces(*(memory[f"level.{name}"] for name in names))
         self._normals = self._acting.directions[:, 0]
@@ -152,8 +151,8 @@ class LevelMarch(TimeLoop[LevelStepper]):
             self.rows.sums[0, :, 1] += interior.between - wanting
         force, gap = self._force, self._gap
         if (beside := self._beside) is not None:
-            also, normals = beside.march.contact, (self._acting.directions[:, 0], beside.march.normals)
-            self._normals = np.concatenate(normals)
+            also, normals = beside.march.contact, self._acting.directions[:, 0]
+            self._normals = np.concatenate([normals, beside.march.normals])
             force, gap = np.append(force, also.multiplier), np.append(gap, also.gap)
             done = done.beside(beside.taken())
         self.contact = ContactState(force, gap, state.multiplier, state.gap, static)
@@ -236,11 +235,11 @@ class LevelMarch(TimeLoop[LevelStepper]):
     def _turning(self, last: LevelForces) -> LevelForces:
         """What forces that begin or end in a step act more at its end.
 
-        Those that begin, where nodes are held, grow by k v dt in their first step: from there on the
-        steps keep an energy that is larger by k v^2 dt^2 / 12 (`impactfem.marching.finite_leapfrog`).
-        Those that end after the share s of a step would fall by k v dt in it, too; that they are cut
-        off at 0 changes the energy by k v^2 dt^2 (s (1 - s) / 2 - 1 / 12). A force acts for half a
-        step at v, which makes the sixths; a little more at the beginning leaves a loss.
+        Those that begin, where nodes are held, grow by k v dt in their first step: from there on
+        the energy that steps keep (`impactfem.marching.finite_leapfrog`) is larger by
+        k v^2 dt^2 / 12. Those that end after the share s of a step would fall by k v dt in it, too;
+        that they are cut off at 0 changes it by k v^2 dt^2 (s (1 - s) / 2 - 1 / 12). A force acts
+        for half a step at v, which makes the sixths; a little more at the beginning is a loss.
         """
         force, before, needed = self._force, last.force[:, 0], self._needed
         gone = ~self._active & (before > 0.0) & (needed < 0.0)

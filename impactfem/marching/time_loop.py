@@ -83,15 +83,19 @@ class LoopSettings:
 
     def of(self, rows: Integers, gaps: ContactGaps) -> "LoopSettings":
         """Of some of its gaps, which are `gaps`."""
-        rest, (restitution, poisson, friction, springs) = self.rest, (
-            None if law is None else law[rows] if isinstance(law, np.ndarray) else law.some(rows)
-            for law in (self.restitution, self.poisson, self.friction, self.springs)
-        )
-        return replace(
-            self, gaps=gaps, restitution=restitution, poisson=poisson, friction=friction,
-            springs=springs,
-            rest=None if rest is None else (rest[0][rows], rest[1], rest[2][rows]),
-        )  # fmt: skip
+        found = replace(self, gaps=gaps)
+        if found.rest is not None:
+            force, static, rubbing = found.rest
+            found = replace(found, rest=(force[rows], static, rubbing[rows]))
+        if found.friction is not None:
+            found = replace(found, friction=found.friction.some(rows))
+        if found.springs is not None:
+            found = replace(found, springs=found.springs.some(rows))
+        if found.restitution is not None:
+            found = replace(found, restitution=found.restitution[rows])
+        if found.poisson is not None:
+            found = replace(found, poisson=found.poisson[rows])
+        return found
 
 
 class TimeLoop[I: Stepper](ABC):

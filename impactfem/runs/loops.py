@@ -272,10 +272,10 @@ class _Making:
         own = np.array([bool({*names} & solids) for names in self.contacts.names])
         count = sum(surface.count for surface in self.surfaces)
         still = Still(self.model.scene.vector_gravity, self.dt, count)
-        joined = self._joined([still])
+        joined = self._joined([cast("NewtonStepper", still)])
         among = replace(settings.of(np.flatnonzero(~own), gaps.second), layers=0)
         beside = BetweenLevels(joined, among, count)
-        settings = settings.of(np.argsort(~own, kind="stable"), gaps)
+        settings = settings.of(np.argsort(~own, kind="stable"), cast("ContactGaps", gaps))
         every = LeapfrogBodies([*bodies, beside])
         return started, joined, CoupledLevels(every, settings, beside)
 
@@ -297,7 +297,8 @@ class _Making:
         """Of bodies whose steps are solved by iterates; what joints hold is with them."""
         kind = self.kind
         bodies = [FiniteMidpoint(p.system, p.solid, s, t, self.dt, kind) for p, s, t in self.each]
-        interior: NewtonStepper = bodies[0] if self.alone else self._joined(bodies)
+        steppers = cast("list[NewtonStepper]", bodies)
+        interior = steppers[0] if self.alone else self._joined(steppers)
         started = self._brought_to_rest(bodies, interior)
         return started, interior, NewtonMarch(interior, self._beginning(started))
 

@@ -4,6 +4,7 @@ import math
 
 from impactfem.methods import METHODS
 from impactfem.scene.content import Content
+from impactfem.scene.laws import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.solids import NEARLY_INCOMPRESSIBLE, Solid
 from impactfem.scene.values import show
@@ -54,6 +55,14 @@ def _check_explicit(scene: Content) -> None:
             text = f' = "small" of {body.name}: beside explicit steps under finite strain all '
             text += f'solids have it: give strain = "finite", {conserving}'
             raise KeyedError(f"body[{place}]", "strain", text)
+    for place, contact in enumerate(scene.contacts):
+        if not solids & {side_of(entry)[0] for entry in contact.between}:
+            continue
+        for law in ("rolling_resistance", "spinning_resistance"):
+            if value := getattr(contact, law):
+                text = f" = {show(value)}: forces of explicit steps act from one level to the next,"
+                text += " where a moment that resists would turn round what it should stop: "
+                raise KeyedError(f"contact[{place}]", law, f"{text}{remedy}")
     for place, solid in enumerate(scene.solids):
         if solid.rayleigh_stiffness:
             text = f" = {solid.rayleigh_stiffness}: explicit steps under finite strain are damped "

@@ -58,6 +58,23 @@ def run(*given, **more):
     return impactfem.solve(scene(*given, **more)).history
 
 
+def test_a_body_rests_and_slides_on_a_solid_by_what_static_friction_holds():
+    """mu_s holds it below tan a = .4, mu brakes it above: g (sin a - mu cos a)."""
+    angle, g = 0.5, 9.81
+    rests = BOX | {"velocity": [0.0, 0.0], "shape": {"kind": "block", "size": [0.04, 0.04],
+                                                     "corner": [0.03, 0.1]}}  # fmt: skip
+    slides = g * (np.sin(angle) - 0.3 * np.cos(angle))
+    for static, start, rate in ((0.8, "static", 0.0), (0.4, "given", slides)):
+        of = {"between": ["b", "s"], "friction_coefficient": 0.3,
+              "static_friction_coefficient": static}  # fmt: skip
+        found = run(
+            [solid_of("finite") | {"youngs_modulus": 1e7}, rests], [of], duration=0.02, dt=5e-5,
+            gravity=(g * np.sin(angle), -g * np.cos(angle)), start=start,
+        )  # fmt: skip
+        print(found["b.vx"].values[-1], 0.02 * rate, np.ptp(found["b.vy"].values))
+        assert found["b.vx"].values[-1] == pytest.approx(0.02 * rate, abs=2e-3)
+
+
 def law(**more):
     return [{"between": ["b", "floor"]} | more]
 
@@ -82,8 +99,7 @@ def test_laws_of_impact_are_those_of_rigid_bodies(of, expected, solid):
     told = -result.summary["details"].get("energy_taken", {}).get("impacts", 0.0)
     speeds = [found[f"b.{name}"].values[-1] for name in ("vx", "vy")]
     assert speeds == pytest.approx(expected[:2], abs=1e-9)
-    spin = np.diff(found["b.angle"].values)[-1] / 2e-5
-    assert spin == pytest.approx(expected[2], abs=1e-6)
+    assert found["b.spin"].values[-1] == pytest.approx(expected[2], abs=1e-6)
     if "stiffness" in of:
         assert np.ptp(found["total_energy"].values) < 1e-12
     energy = found["total_energy"].values[-1] - found["total_energy"].values[0]
@@ -112,18 +128,22 @@ def test_impacts_on_solids_keep_energy_and_converge(body, solid):
         kept = found["total_energy"].values - found["friction_work"].values
         drifts.append(np.ptp(kept) / kept[0])
         speeds.append([found[f"b.{name}"].values[-1] for name in ("vx", "vy")])
-    assert drifts[0] < 2e-3
-    assert drifts[-1] < 2e-4
+    if solid["strain"] == "small":
+        assert drifts[0] < 2e-3
+        assert drifts[-1] < 2e-4
+    else:  # of second order: the laws of levels keep no energy by themselves
+        assert drifts[0] < 0.025  # the shortest contact lasts eight of these steps
+        assert drifts[-1] < 3e-4
     changes = np.abs(np.diff(speeds, axis=0)).max(axis=1)
     assert changes[0] < 0.01
     assert changes[2] < 0.5 * changes[0]
 
 
-def test_fine_meshes_agree_with_implicit_steps():
+def test_fine_meshes_agree_with_implicit_steps(solid):
     """Both move the mass of contact nodes inwards; lumping makes the rest of the difference."""
     speeds = {
         method: [
-            run([SOLID | {"mesh_size": h}, BOX], duration=6e-3, method=method)["b.vy"].values[-1]
+            run([solid | {"mesh_size": h}, BOX], duration=6e-3, method=method)["b.vy"].values[-1]
             for h in (0.025, 0.0125)
         ]
         for method in ("explicit", "conserving")
@@ -133,13 +153,13 @@ def test_fine_meshes_agree_with_implicit_steps():
     assert fine < 0.5 * coarse
 
 
-def test_joints_hold_bodies_beside():
+def test_joints_hold_bodies_beside(solid):
     """A hammer on a pin, and two points on a rod, strike a block."""
     hammer = BOX | {"velocity": [0.0, 0.0], "shape": {"kind": "disc", "radius": 0.02,
                                                       "center": [0.12, 0.14]}}  # fmt: skip
     pin = {"kind": "revolute", "name": "j", "between": ["b", "ground"], "point": [0.06, 0.14]}
     found = run(
-        [SOLID, hammer], duration=0.1, dt=1e-4, gravity=(0.0, -9.81), joint=[pin],
+        [solid, hammer], duration=0.1, dt=1e-4, gravity=(0.0, -9.81), joint=[pin],
         contact=[{"between": ["b", "s"], "friction_coefficient": 0.2}],
     )  # fmt: skip
     apart = np.hypot(found["b.x"].values - 0.06, found["b.y"].values - 0.14)
@@ -149,25 +169,30 @@ def test_joints_hold_bodies_beside():
     assert np.ptp(kept) < 5e-3 * found["kinetic_energy"].values.max()
 
 
-def beside(*more):
+def beside(strain="small"):
     pin = {"kind": "distance", "name": "j", "between": ["c", "d"],
            "points": [[0.02, 0.1305], [0.08, 0.1305]]}  # fmt: skip
     two = [
         POINT | {"name": name, "position": [x, 0.1305]} for name, x in (("c", 0.02), ("d", 0.08))
     ]
-    rough = [{"between": ["b", "s"], "friction_coefficient": 0.3, "rolling_resistance": 1e-3},
+    rough = [{"between": ["b", "s"], "friction_coefficient": 0.3},
              {"between": ["b", "floor"], "friction_coefficient": 0.3}]  # fmt: skip
-    made = scene([SOLID, DISC, *two, *more], rough, duration=8e-3, dt=4e-5, joint=[pin])
+    rough[0] |= (
+        {"rolling_resistance": 1e-3} if strain == "small" else {"static_friction_coefficient": 0.6}
+    )
+    made = scene([solid_of(strain), DISC, *two], rough, duration=8e-3, dt=4e-5, joint=[pin])
     return made.with_settings({"output.checkpoint": 50})
 
 
-def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
-    check_restart(beside(), 90, tmp_path, monkeypatch)
+@pytest.mark.parametrize("strain", ["small", "finite"])
+def test_a_restarted_run_is_equal_to_the_last_bit(strain, tmp_path, monkeypatch):
+    check_restart(beside(strain), 90, tmp_path, monkeypatch)
 
 
 @pytest.mark.parallel(2)
-def test_two_ranks_do_the_same(monkeypatch):
-    check_ranks(beside, monkeypatch)
+@pytest.mark.parametrize("strain", ["small", "finite"])
+def test_two_ranks_do_the_same(strain, monkeypatch):
+    check_ranks(lambda: beside(strain), monkeypatch)
 
 
 @pytest.mark.parametrize(
@@ -179,6 +204,12 @@ def test_two_ranks_do_the_same(monkeypatch):
             {}, r'body\[1\].kind = "bar": beside solids in explicit steps b has none',
         ),
         (
+            [BOX | {"shape": DISC["shape"]}],
+            {"contact": [{"between": ["s", "b"], "friction_coefficient": 0.1,
+                          "rolling_resistance": 1e-3}]},
+            r"contact\[0\].rolling_resistance = 0.001: forces of explicit steps",
+        ),
+        (
             [BOX],
             {"joint": [{"kind": "revolute", "name": "j", "between": ["s/top", "b"],
                         "point": [0.05, 0.1]}]},
@@ -187,8 +218,9 @@ def test_two_ranks_do_the_same(monkeypatch):
     ],
 )  # fmt: skip
 def test_what_is_not_stepped_amid_layers_is_refused(bodies, more, says):
+    strain = "finite" if "contact" in more else "small"
     with pytest.raises(SceneError, match=says):
-        scene([SOLID, *bodies], **more)
+        scene([solid_of(strain), *bodies], **more)
 
 
 def test_explicit_steps_want_a_solid():
