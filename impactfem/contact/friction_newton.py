@@ -116,8 +116,8 @@ class ConeProblem:
     def scales(self) -> Floats:
         """The numbers a of each component [m/N], (pairs, dim)."""
         diagonal = self.matrix.diagonal().reshape(self.offset.shape)
-        across: Floats = diagonal[:, 1:].mean(axis=1)
-        scale = np.repeat(across[:, None], self.offset.shape[1], axis=1)
+        scale = np.empty_like(diagonal)
+        scale[:, 1:] = (diagonal[:, 1:].sum(axis=1) / (scale.shape[1] - 1))[:, None]
         scale[:, 0] = diagonal[:, 0]
         return scale
 

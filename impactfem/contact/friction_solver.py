@@ -155,8 +155,9 @@ def solve_cones(
         if isinstance(part.matrix, Rooted) and len(pairs) > _FEW:
             found, systems = _solve_many(part, start[pairs], tolerance, max_iterations, accuracy)
         else:
-            dense = replace(part, matrix=full(part.matrix))
-            found, systems = _solve(dense, start[pairs], tolerance, max_iterations)
+            if isinstance(part.matrix, Rooted):
+                part = replace(part, matrix=part.matrix.full())
+            found, systems = _solve(part, start[pairs], tolerance, max_iterations)
         force[pairs] = found
         total = max(total, systems)
     return force, total

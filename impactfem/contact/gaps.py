@@ -111,6 +111,9 @@ class Gaps:
         """
         self.pairs, self.radius, self._nodes = tuple(pairs), radius, nodes
         self._obstacles, self.updated = obstacles, updated
+        # Whose normals are not everywhere and always the same.
+        each = enumerate(obstacles)
+        self._bent = [(k, o) for k, o in each if o.plane is None or o.rotation is not None]
         self.contact, self.initial = contact, initial
         self._positions = contact.positions - initial
         self._nearest, self._gap, self._normal = contact.obstacle, contact.gap, contact.normal
@@ -242,7 +245,7 @@ class Gaps:
         if displacement is not begin:
             acting, when = there - back * (displacement - begin), time - back * span
             near = np.empty_like(gap)
-            for index, obstacle in enumerate(self._obstacles):
+            for index, obstacle in self._bent:
                 mine = self._nearest == index
                 if mine.any():
                     near[mine], normal[mine] = signed_distance(obstacle, acting[mine], when)

@@ -212,7 +212,9 @@ class LayerContact:
     iterations: int
 
     def split(self, count: int) -> "tuple[LayerContact, LayerContact]":
-        """That of the first pairs, and that of the others."""
+        """That of the first pairs, and that of the others; of all pairs twice the same."""
+        if count == len(self.force):
+            return self, self
         first, rest = (
             replace(
                 self, force=self.force[part], multiplier=self.multiplier[part],

@@ -1,6 +1,7 @@
 """Everything behind a plane."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -70,9 +71,14 @@ class HalfSpace(RigidObstacle):
 
     def gap(self, points: Floats) -> Field:
         """Distances (points,) and normals (points, dim) at rest."""
+        point, normal = self._own
+        return (points - point) @ normal, np.full(points.shape, normal)
+
+    @cached_property
+    def _own(self) -> tuple[Floats, Floats]:
+        """Point and normal as arrays, (dim,): asked for in every step."""
         normal = unit_vector(np.asarray(self.normal, dtype=np.float64))
-        gap = (points - np.asarray(self.point, dtype=np.float64)) @ normal
-        return gap, np.tile(normal, (len(points), 1))
+        return np.asarray(self.point, dtype=np.float64), normal
 
     def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
