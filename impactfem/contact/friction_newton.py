@@ -32,7 +32,8 @@ import numpy as np
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact import cone_kernels
 from impactfem.contact.cone_kernels import newton_cones, proximal_cones
-from impactfem.contact.rooted import Matrix, among, full, own_blocks
+from impactfem.contact.friction_kernels import islands_of
+from impactfem.contact.rooted import Matrix, Rooted, among, full, own_blocks
 
 if TYPE_CHECKING:
     from impactfem.contact.spring_steps import SpringStep
@@ -116,10 +117,20 @@ class ConeProblem:
     def scales(self) -> Floats:
         """The numbers a of each component [m/N], (pairs, dim)."""
         diagonal = self.matrix.diagonal().reshape(self.offset.shape)
-        scale = np.empty_like(diagonal)
-        scale[:, 1:] = (diagonal[:, 1:].sum(axis=1) / (scale.shape[1] - 1))[:, None]
+        scale, ways = np.empty_like(diagonal), self.offset.shape[1]
+        scale[:, 1:] = diagonal[:, 1:].sum(axis=1, keepdims=True) / (ways - 1)
         scale[:, 0] = diagonal[:, 0]
         return scale
+
+    def islands(self) -> list[Integers]:
+        """Pairs that move each other, or bound each other's forces."""
+        pairs, dim = self.offset.shape
+        if pairs < 2:
+            return [np.arange(pairs)] if pairs else []
+        if isinstance(self.matrix, Rooted):
+            return self.matrix.islands(dim)
+        island = islands_of(self.matrix, self.masters, dim)
+        return [np.flatnonzero(island == k) for k in range(island.max() + 1)]
 
     def part(self, pairs: Integers) -> "ConeProblem":
         """That of some pairs which no others move, with the masters of all moments among them."""

@@ -103,6 +103,17 @@ def dependent(problem: ConeProblem, force: Floats) -> Floats:
         An orthonormal basis of them, (pairs dim, dimension).
     """
     pairs, dim = force.shape
+    each = [np.zeros((pairs * dim, 0))]
+    for own in problem.islands():
+        alone = _dependent(problem.part(own), force[own])
+        each.append(np.zeros((pairs, dim, alone.shape[1])))
+        each[-1][own] = alone.reshape(len(own), dim, -1)
+    return np.hstack([found.reshape(pairs * dim, -1) for found in each])
+
+
+def _dependent(problem: ConeProblem, force: Floats) -> Floats:
+    """The same of pairs that move each other."""
+    pairs, dim = force.shape
     bound = problem.friction * force[:, 0]
     pushes = force[:, 0] > 0.0
     sticks = pushes & (np.linalg.norm(force[:, 1:], axis=1) < (1.0 - _ROUNDING) * bound)

@@ -27,7 +27,7 @@ import numpy as np
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.complementarity import Solver, solve_by_active_set
 from impactfem.contact.cone_kernels import without_traces
-from impactfem.contact.friction_kernels import islands_of, sweep_cones
+from impactfem.contact.friction_kernels import sweep_cones
 from impactfem.contact.friction_many import WORST, Accuracy, Many
 from impactfem.contact.friction_newton import ConeProblem, newton, proximal, residual
 from impactfem.contact.friction_solutions import stuck
@@ -137,7 +137,7 @@ def solve_cones(
     problem, start = _yielding(problem, start)
     force, total, accuracy = np.zeros_like(start), 0, accuracy or Accuracy()
     wrong = np.ones(len(start), dtype=bool)
-    islands = _islands(problem) if len(start) <= _FEW else None
+    islands = problem.islands() if len(start) <= _FEW else None
     if islands is not None:
         start = _canonical(problem, start, islands)
     if isinstance(problem.matrix, Rooted):
@@ -147,7 +147,7 @@ def solve_cones(
         if accuracy.asked is not None:
             left = many.residual(force)
             accuracy.reached = max(accuracy.reached, min(left, accuracy.asked))
-    for pairs in (islands or _islands(problem)) if wrong.any() else ():
+    for pairs in (islands or problem.islands()) if wrong.any() else ():
         if not wrong[pairs].any():
             continue
         whole = len(pairs) == len(start)
@@ -240,17 +240,6 @@ def _yielding(problem: ConeProblem, start: Floats) -> tuple[ConeProblem, Floats]
     offset = np.where(held, 0.0, problem.offset)
     matrix = np.where(fixed[:, None] | fixed, 0.0, matrix) + np.diag(own)
     return replace(problem, matrix=matrix, offset=offset), np.where(held, 0.0, start)
-
-
-def _islands(problem: ConeProblem) -> list[Integers]:
-    """Pairs that move each other, or bound each other's forces."""
-    pairs, dim = problem.offset.shape
-    if pairs < 2:
-        return [np.arange(pairs)] if pairs else []
-    if isinstance(problem.matrix, Rooted):
-        return problem.matrix.islands(dim)
-    island = islands_of(problem.matrix, problem.masters, dim)
-    return [np.flatnonzero(island == k) for k in range(island.max() + 1)]
 
 
 def _swept(problem: ConeProblem, start: Floats, sweeps: int, damped: float) -> Floats:
