@@ -1,7 +1,7 @@
 """How bodies without meshes meet obstacles: a gap of each node to each of their faces."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,6 +19,7 @@ class _OtherFace:
     """A second face of an obstacle that a ball may touch at once, as `Gaps` takes obstacles."""
 
     obstacle: Rigid
+    plane: ClassVar[None] = None
 
     @property
     def name(self) -> str:

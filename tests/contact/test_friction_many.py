@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 
-from impactfem.contact import friction_solver
 from impactfem.contact.friction_many import RESIDUAL, Accuracy, Many
 from impactfem.contact.friction_newton import ConeProblem, residual
 from impactfem.contact.friction_solutions import dependent
@@ -98,8 +97,8 @@ def test_islands_are_those_of_the_array():
     offset = np.vstack([one.offset, two.offset])
     none = np.zeros(len(offset))
     both = ConeProblem(matrix, offset, none + 0.3, none)
-    found = friction_solver._islands(both)
-    expected = friction_solver._islands(replace(both, matrix=full(matrix)))
+    found = both.islands()
+    expected = replace(both, matrix=full(matrix)).islands()
     key = sorted(map(tuple, found))
     assert len(found) > 1
     assert key == sorted(map(tuple, expected))

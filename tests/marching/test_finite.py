@@ -325,15 +325,6 @@ def test_what_finite_strain_does_not_do_is_refused_by_its_key(body, more, key):
         scene(0.01, body, **more)
 
 
-def test_bars_are_refused():
-    data = scene(0.01).to_dict()
-    bar = {"name": "bar", "kind": "bar", "length": 1.0, "axis": [0.0, 1.0], "point": [0.0, 0.2]}
-    bar |= {"density": 1.0, "youngs_modulus": 1.0, "area": 1.0}
-    data["body"] = [RUBBER, bar]
-    with pytest.raises(SceneError, match=r"body\[1\].kind"):
-        impactfem.Scene.from_dict(data)
-
-
 def test_a_law_that_collapses_is_told():
     """St. Venant's and Kirchhoff's law loses its stiffness where a cell is pressed to 58 %."""
     hard = {"material": "linear", "strain": "finite", "velocity": [0.0, -10.0]}

@@ -98,9 +98,3 @@ def test_what_has_no_law_is_refused():
     point_ = point("p", 0.1, [0.35, 0.5], [0.0, -1.0])
     with pytest.raises(SceneError, match=r"contact\[0\].restitution = 0.5.*own elasticity"):
         scene([point_], {"p block": {"restitution": 0.5}}, 0.1)
-    bar = {
-        "kind": "bar", "name": "bar", "length": 0.1, "density": 1000.0, "youngs_modulus": 1e6,
-        "area": 1e-4, "point": [0.0, 0.5], "axis": [0.0, 1.0],
-    }  # fmt: skip
-    with pytest.raises(SceneError, match=r"body\[1\].kind = .bar.*waves.*cut.*give"):
-        scene([bar], {"bar block": {}}, 0.1)
