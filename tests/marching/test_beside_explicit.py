@@ -58,6 +58,7 @@ def run(*given, **more):
     return impactfem.solve(scene(*given, **more)).history
 
 
+@pytest.mark.slow
 def test_static_friction_holds_a_body_on_a_slope_of_rubber_or_lets_it_slide():
     """mu_s holds it from rest; where it is too small it rattles down as in implicit steps."""
     g = 9.81 * np.array([np.sin(0.5), -np.cos(0.5)])
@@ -143,6 +144,7 @@ def test_impacts_on_solids_keep_energy_and_converge(body, solid):
     assert changes[2] < 0.5 * changes[0]
 
 
+@pytest.mark.slow
 def test_fine_meshes_agree_with_implicit_steps(solid):
     """Both move the mass of contact nodes inwards; lumping makes the rest of the difference."""
     speeds = {
