@@ -152,24 +152,24 @@ def _check_waves(body: Body, contact: Contact, where: str, *, stiff: bool) -> No
 def _check_method(scene: Content) -> None:
     method = scene.solve.method
     limited = method is not None and METHODS[method].stable == "limited"
+    mixes = method is not None and METHODS[method].mixes
+    if limited and scene.solids and mixes:
+        _check_explicit(scene)
+    if method is None or (mixes and (scene.solids or not limited)):
+        return
     fitting = " or ".join(
         show(name)
         for name, each in METHODS.items()
         if each.mixes and (scene.solids or each.stable == "always")
     )
-    mixes = method is not None and METHODS[method].mixes
-    if limited and scene.solids and mixes:
-        _check_explicit(scene, fitting)
-    if method is None or (mixes and (scene.solids or not limited)):
-        return
     what = scene.why_marched or f"bodies of kind {' and '.join(sorted(scene.kinds))}"
     text = f" = {show(method)} does not solve {what}: give {fitting}."
     raise KeyedError("solve", "method", text)
 
 
-def _check_explicit(scene: Content, fitting: str) -> None:
+def _check_explicit(scene: Content) -> None:
     """Refuse what is not stepped amid the layers of explicit solids."""
-    remedy = f"remove it, or give solve.method = {fitting}."
+    remedy = 'remove it, or give solve.method = "conserving".'
     solids = {solid.name for solid in scene.solids}
     for index, body in enumerate(scene.bodies):
         if body.name not in solids and (body.has_surface or not body.staggers):
