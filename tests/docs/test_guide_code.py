@@ -159,9 +159,11 @@ def test_first_scene_is_the_one_to_start_from():
 
 @pytest.mark.parametrize("page", SHOWING, ids=lambda page: page.stem)
 def test_shown_scenes_can_be_read(page):
+    modules = "".join(shown(page, "python"))
     for text in shown(page, "toml"):
         scene = tomllib.loads(text)
-        if {"body", "duration"} <= set(scene):
+        method = scene.get("solve", {}).get("method")  # of one that the page registers: run there
+        if {"body", "duration"} <= set(scene) and f'"{method}"' not in modules:
             impactfem.Scene.from_dict(scene)
     for text in shown(page, "python"):
         compile(text, str(page), "exec")
