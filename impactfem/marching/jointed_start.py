@@ -348,12 +348,8 @@ class _Modes:
         self, bodies: Sequence[Resting], free: Floats, owns: Sequence[slice], rows: int
     ) -> None:
         """Take what of the motions of all is free, (own, free)."""
-        self._each, self._free, self._places, self._rows = (
-            [b.modes for b in bodies],
-            free,
-            owns,
-            rows,
-        )
+        self._each, self._free = [body.modes for body in bodies], free
+        self._places, self._rows = owns, rows
         ends = np.cumsum([0, *(modes.count for modes in self._each)])
         self._owns = [slice(*both) for both in pairwise(ends)]
         fields = block_diag(*(modes.fields for modes in self._each), np.zeros((0, rows)))

@@ -362,7 +362,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             apart = way.copy()
             apart[:, 0] += room
             if self._by_mass:
-                loose, massive = gaps.only_on(self._massive), self._between_masses
+                loose = gaps.only_on(self._massive)
+                massive = loose & ~self._soft
                 may = np.where(massive, shut, may)
                 speed = self._speed(directions, start, end - start)
                 ahead = way + way_ahead(speed, self._lively, rebound, end - start, gained)
@@ -424,7 +425,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         size = len(rows) * speed.shape[1]
         matrix = answers[:, :, rows].reshape(size, size)
         none = np.zeros(len(speed))
-        lively = self._lively if self._poisson is None else np.maximum(self._lively, self._poisson)
+        lively = self._returning
         mu = none if self._law is None else self._law.coefficients
         each = (values[rows] for values in (half * speed, before, lively, none + rebound, mu))
         pairs = self._gaps.pair_of
@@ -458,12 +459,6 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         """Speeds in the gaps at the start of a step, along its directions [m/s], (gaps, ways)."""
         moved = obstacle_speed(self._gaps.shift, start, step)
         return turned(directions, self._gaps.relative(self.interior.surface_velocity) - moved)
-
-    @property
-    def _lively(self) -> Floats:
-        """Newton's e, (gaps,)."""
-        none = np.zeros(len(self.contact.gap))
-        return none if self._restitution is None else self._restitution
 
     def _rebound(self, arrived: Booleans) -> Floats | float:
         """Share of the slip that impacts in some gaps reverse, (gaps,)."""

@@ -181,12 +181,6 @@ class SolidMarch(TimeLoop[Interior]):
         self._normal_speed = one
         return rebound(one, two, self._lively, self._reach)
 
-    @property
-    def _lively(self) -> Floats:
-        """Newton's e, (gaps,)."""
-        none = np.zeros(len(self.contact.gap))
-        return none if self._restitution is None else self._restitution
-
     def _struck_gaps(self, taking_part: Booleans, gap: Floats) -> Booleans:
         """Gaps between nodes with mass that impacts reach, if there are any, (pairs,)."""
         if not self._by_mass:
@@ -226,7 +220,7 @@ class SolidMarch(TimeLoop[Interior]):
         ways = before.shape[1]
         wide, answers = np.repeat(acts, ways), full(matrix)
         none = np.zeros(len(rows))
-        lively = self._lively if self._poisson is None else np.maximum(self._lively, self._poisson)
+        lively = self._returning
         slips = none if law is None else np.where(self._arriving, law.rebound, 0.0)[rows]
         mu = none if law is None else law.coefficients[rows]
         bodies = Approach(

@@ -179,6 +179,17 @@ class TimeLoop[I: Stepper](ABC):
         """The same in numbers, for the details of a run."""
         return self._impacts.figures(self._gaps.pairs)
 
+    @property
+    def _lively(self) -> Floats:
+        """Newton's e, (gaps,)."""
+        none = np.zeros(len(self.contact.gap))
+        return none if self._restitution is None else self._restitution
+
+    @property
+    def _returning(self) -> Floats:
+        """That e, or Poisson's, by which two bodies part, (gaps,)."""
+        return self._lively if self._poisson is None else np.maximum(self._lively, self._poisson)
+
     def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002
         """Forces in the gaps at t = 0 [N], (gaps,), and what they do to massless nodes [m]."""
         return np.zeros(len(gap)), np.zeros_like(self.interior.surface_displacement)
