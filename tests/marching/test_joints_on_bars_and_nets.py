@@ -39,6 +39,14 @@ def mass(name, m, place, velocity=(0.0, 0.0)):
             "velocity": list(velocity)}  # fmt: skip
 
 
+def same_to_rounding(one, two, names, elements):
+    """Every step rounds anew, strains more than displacements by the number of elements."""
+    room = np.finfo(float).eps * elements * len(one["time"])
+    for name in names:
+        size = np.abs(one[name].values).max()
+        assert np.abs(one[name].values - two[name].values).max() < room * size, name
+
+
 def drift(history, name):
     return float(np.ptp(history[name].values))
 
@@ -83,8 +91,7 @@ def test_two_bars_end_to_end_are_one():
     joined = scene(parts, [fixed("bar/far_end", "other", TURN)], 9.0, solve=solve)
     two = impactfem.solve(joined).history
     assert np.ptp(one["ball.vx"].values) > 0.01
-    for name in ("ball.x", "ball.vx", "momentum.x", "total_energy"):
-        assert np.abs(one[name].values - two[name].values).max() < 1e-15
+    same_to_rounding(one, two, ("ball.x", "ball.vx", "momentum.x", "total_energy"), 100)
 
 
 def test_a_joint_clamps_a_bar_as_its_own_end_does():
@@ -95,8 +102,7 @@ def test_a_joint_clamps_a_bar_as_its_own_end_does():
     own = run([bar | {"far_end": "clamped"}, idle], [], *given, solve={"elements": 20})
     ground = fixed("ground", "bar/far_end", TURN)
     joined = run([bar, idle], [ground], *given, solve={"elements": 20})
-    for name in ("bar.vx", "bar.vy", "momentum.x", "total_energy"):
-        assert np.abs(own[name].values - joined[name].values).max() < 1e-15
+    same_to_rounding(own, joined, ("bar.vx", "bar.vy", "momentum.x", "total_energy"), 20)
 
 
 def test_impulses_pass_a_bar_by():
