@@ -106,6 +106,14 @@ PAIR_COLUMNS: Mapping[str, tuple[str, str]] = {
 PROBE_COLUMNS: Mapping[str, tuple[str, str]] = {
     "ux": ("m", "displacement of the place since the undeformed body; likewise uy, uz"),
     "vx": ("m/s", "its velocity; likewise vy, vz"),
+    "ax": (
+        "m/s^2",
+        (
+            "its acceleration, the change of velocity over (t_{m-1}, t_m] by its duration, what "
+            "impacts change included (row 0: that of row 1); with filter as it passes; likewise "
+            "ay, az"
+        ),
+    ),
     "sxx": ("Pa", "elastic stress there, tension > 0; likewise syy, szz, sxy, syz, sxz"),
 }
 """Columns ``NAME.ux`` of each probe: unit and meaning."""

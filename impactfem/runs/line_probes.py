@@ -11,13 +11,12 @@ from impactfem.arrays import Floats
 from impactfem.result.bar_motion import BarMotion, kept_levels
 from impactfem.result.bar_row_motion import RowMotion
 from impactfem.result.trajectory import Trajectory
+from impactfem.runs.accelerations import Probed, accelerated
 from impactfem.scene import Bar, Probe, Scene
 from impactfem.scene.probes import outside
 
 if TYPE_CHECKING:
     from impactfem.models.vibro import VibroModel
-
-type Probed = dict[str, dict[str, Floats]]
 
 LETTERS = {"displacement": "u", "velocity": "v"}
 """First letters of the columns of vectors, by quantity."""
@@ -82,15 +81,16 @@ def vibro_probes(scene: Scene, model: "VibroModel") -> Callable[[Trajectory], Pr
             rates = model.places(u + 1j * _TINY * v).imag / _TINY
             speed.append(np.einsum("pn,rnk->rpk", weights, rates))
         known = {"displacement": np.concatenate(moved), "velocity": np.concatenate(speed)}
-        return {
+        found = {
             probe.name: {
                 f"{letter}{'xyz'[k]}": known[quantity][:, index, k]
                 for quantity, letter in LETTERS.items()
-                if quantity in probe.quantities
+                if quantity in probe.watched
                 for k in range(scene.dim)
             }
             for index, probe in enumerate(scene.probes)
         }
+        return accelerated(scene.probes, motion.times, found)
 
     return told
 
@@ -146,7 +146,7 @@ def bar_probes(scene: Scene, motion: RowMotion) -> Probed:
         found[probe.name] = _of_bar(
             probe, scene.bars[k], motion.positions[k], motion.displacement[k], motion.velocity[k]
         )
-    return found
+    return accelerated(scene.probes, motion.times, found)
 
 
 def _of_bar(probe: Probe, bar: Bar, x: Floats, u: Floats, v: Floats) -> dict[str, Floats]:
@@ -158,7 +158,7 @@ def _of_bar(probe: Probe, bar: Bar, x: Floats, u: Floats, v: Floats) -> dict[str
     columns = {}
     if "displacement" in probe.quantities:
         columns["ux"] = (1.0 - share) * u[:, first] + share * u[:, first + 1] - bar.gap
-    if "velocity" in probe.quantities:
+    if "velocity" in probe.watched:
         columns["vx"] = (1.0 - share) * v[:, first] + share * v[:, first + 1]
     if "stress" in probe.quantities:
         slopes = [(u[:, k + 1] - u[:, k]) / (x[k + 1] - x[k]) for k in (first, last)]

@@ -12,6 +12,7 @@ from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
+from impactfem.runs.accelerations import check_sampling
 from impactfem.runs.line_probes import LETTERS
 from impactfem.runs.samples import Kept, LinePlaces
 from impactfem.scene.probes import outside
@@ -39,7 +40,7 @@ def _on_lines(model: SolidsModel, few: Sequence[FewInterior]) -> list[Told]:
             nodes, shares, inside = march.located(body, np.array(probe.point, dtype=float))
             if not inside:
                 raise outside(index, probe, shares @ march.material(body)[nodes])
-            parts = {name: known[name] for name in probe.quantities}
+            parts = {name: known[name] for name in probe.watched}
             places = LinePlaces(probe.name, march, body, nodes, shares[None], parts)
             found.append(places.told)
     return found
@@ -89,16 +90,17 @@ class SolidProbes:
             kept: Places that are kept besides.
 
         Raises:
-            SceneError: A probe is outside its body.
+            SceneError: A probe is outside its body, or its filter asks for shorter steps.
         """
         own, dim = model.own_numbers, model.dim
+        check_sampling(model.scene.probes, march.interior.dt)
         telling = [*_on_lines(model, few), *(march.told for march in few), *joined]
         telling += [] if kept is None else [line.told for line in kept.lines]
         asked = [
             (probe.name, located.numbers + model.starts[body], quantity == "velocity",
              _weights(quantity, located, dim))
             for probe, body, located in model.probes
-            for quantity in probe.quantities
+            for quantity in probe.watched
         ]  # fmt: skip
         if kept is not None:
             asked += [

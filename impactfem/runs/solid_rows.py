@@ -21,6 +21,7 @@ from impactfem.planning.time_data import DATA_CODES, data_findings, time_data
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import LOST, BodyMotion, Columns, PairMotion, make_history
 from impactfem.result.table import Series, Table
+from impactfem.runs.accelerations import accelerated
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.line_bodies import few_figures
 from impactfem.runs.observed import Observed
@@ -80,9 +81,11 @@ def solids_motion(seen: Observed) -> SolidsMotion:
     momentum, angular, bodies = body_motions(seen, each, attitudes, placed)
     told = probes.columns(total(model.comm, rows.probes))
     moved = {} if probes.kept is None else probes.kept.taken(told)
+    times = march.interior.dt * np.arange(done, dtype=np.float64)
+    told = accelerated(model.scene.probes, times, told)
     history = make_history(
         Columns(
-            time=march.interior.dt * np.arange(done, dtype=np.float64),
+            time=times,
             gap=_clean(np.where(rows.gap < 0.5 * FAR, rows.gap, np.nan), model, march),
             contact_force=_of_layers(scheme, rows.force) + 0.0,  # no negative zeros
             kinetic_energy=together[:, 0],
