@@ -234,13 +234,7 @@ def _parser() -> argparse.ArgumentParser:
     show.add_argument(
         "--out", metavar="FILE", type=Path, help="write a picture (.png) or a page (.html)"
     )
-    compare = command(commands.compare)
-    compare.add_argument("one", metavar="DIR", type=_folder, help="result folder")
-    compare.add_argument("other", metavar="DIR", type=_folder, help="another one")
-    compare.add_argument(
-        "--tolerance", metavar="T", type=_tolerance, default=1e-9,
-        help="relative difference beyond which the exit code is 3 (default 1e-9)",
-    )  # fmt: skip
+    _add_measures(command)
     bench = command(commands.bench)
     bench.add_argument(
         "scene", metavar="SCENE", nargs="?", help="scene file, or name of a shipped scene"
@@ -277,6 +271,35 @@ def _add_searches(command: Callable[..., argparse.ArgumentParser]) -> None:
                 "--restart", metavar="DIR", type=_folder,
                 help="go on with the interrupted search in DIR, to the same answer bit by bit",
             )  # fmt: skip
+
+
+def _add_measures(command: Callable[..., argparse.ArgumentParser]) -> None:
+    """Commands of what is made of results."""
+    spectrum = command(commands.spectrum)
+    spectrum.add_argument("folder", metavar="DIR", type=_folder, help="result folder")
+    spectrum.add_argument(
+        "--column", metavar="COL", required=True, help="column of history.csv, as tip.ax"
+    )
+    spectrum.add_argument("--fft", action="store_true", help="amplitudes only")
+    spectrum.add_argument(
+        "--srs", action="store_true", help="shock response spectrum only (of accelerations)"
+    )
+    spectrum.add_argument(
+        "--q", metavar="Q", type=float, help="quality factor of its oscillators (default 10)"
+    )
+    spectrum.add_argument(
+        "--modes", metavar="BODY", help="tell the natural frequencies of a body beside"
+    )
+    spectrum.add_argument(
+        "--out", metavar="DIR", type=_folder, help="folder of the tables (default DIR_spectrum)"
+    )
+    compare = command(commands.compare)
+    compare.add_argument("one", metavar="DIR", type=_folder, help="result folder")
+    compare.add_argument("other", metavar="DIR", type=_folder, help="another one")
+    compare.add_argument(
+        "--tolerance", metavar="T", type=_tolerance, default=1e-9,
+        help="relative difference beyond which the exit code is 3 (default 1e-9)",
+    )  # fmt: skip
 
 
 def _announce(text: str) -> None:

@@ -379,6 +379,30 @@ def show(given: argparse.Namespace) -> int:
     return DONE
 
 
+def spectrum(given: argparse.Namespace) -> int:
+    """Tell which frequencies a column of a result holds, and how oscillators would answer it."""
+    from impactfem.facade import Result  # noqa: PLC0415
+    from impactfem.report.spectrum_figure import spectrum_table, write_spectrum  # noqa: PLC0415
+
+    if rank():
+        return DONE
+    try:
+        result = Result.load(given.folder)
+    except OutputError as error:
+        complain(str(error))
+        return BAD_INPUT
+    if given.modes is not None:
+        _prepare(result.scene)
+    both = given.fft == given.srs
+    # Asked for by name it is refused of what is no acceleration; else it is left out.
+    q = given.q if given.q is not None or not given.srs else 10.0
+    found = result.spectrum(given.column, q=q, modes=given.modes)
+    folder = given.out or given.folder.with_name(f"{given.folder.resolve().name}_spectrum")
+    told = write_spectrum(found, folder, fft=both or given.fft, srs=both or given.srs)
+    say(f"{spectrum_table(found, told)}\n\nwritten to {folder}")
+    return DONE
+
+
 def compare(given: argparse.Namespace) -> int:
     """Say how far the histories of two result folders are apart."""
     from impactfem.report.table import comparison_table  # noqa: PLC0415

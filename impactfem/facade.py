@@ -1,6 +1,7 @@
 """A result as users have it: the record of a run, with pictures, films and a page of it."""
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
     from matplotlib.figure import Figure
 
+    from impactfem.result.spectrum import Spectrum
     from impactfem.result.summary import Summary
 
 
@@ -156,6 +158,40 @@ class Result(Record):
         from impactfem.report.view import make_view  # noqa: PLC0415
 
         return make_view(self, time, field, off_screen=off_screen)[0].plotter
+
+    def plot_spectrum(
+        self, column: str, *, q: float | None = None, modes: str | None = None
+    ) -> "Figure":
+        """Draw what `spectrum` tells.
+
+        Raises:
+            SceneError: As of `spectrum`.
+        """
+        from impactfem.report.spectrum_figure import spectrum_figure  # noqa: PLC0415
+
+        return spectrum_figure(self.spectrum(column, q=q, modes=modes))
+
+    def spectrum(
+        self, column: str, *, q: float | None = None, modes: str | None = None
+    ) -> "Spectrum":
+        """Amplitudes of a column of the history by frequency, and how oscillators would answer it.
+
+        Args:
+            column: Name in ``history``.
+            q: Quality factor of the oscillators of the shock response spectrum, which columns of
+                accelerations have; 10 if None.
+            modes: Body whose natural frequencies are told beside.
+
+        Raises:
+            SceneError: There is no such column or body, or it has no spectrum.
+        """
+        from impactfem.result.spectrum import spectrum  # noqa: PLC0415
+        from impactfem.runs.tones import natural_frequencies  # noqa: PLC0415
+
+        found = spectrum(self.rows, column, q)
+        if modes is None:
+            return found
+        return replace(found, modes=natural_frequencies(self.scene, modes), mode_body=modes)
 
     def save(self, folder: str | Path, *, pictures: bool = True) -> Path:
         """Write scene, histories, fields and summary into a folder, then pictures and report.

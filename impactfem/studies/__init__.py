@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from impactfem.result.bar_motion import BarMotion
     from impactfem.result.compare import Comparison, compare
+    from impactfem.result.spectrum import Spectrum
     from impactfem.runs.ensemble import solve_ensemble
     from impactfem.studies.hard.cases import Board, hard_cases
     from impactfem.studies.precision import Baseline, work_precision
@@ -16,6 +17,7 @@ __all__ = [
     "Baseline",
     "Board",
     "Comparison",
+    "Spectrum",
     "Study",
     "compare",
     "hard_cases",
@@ -29,6 +31,7 @@ _HOMES = {
     "Baseline": "impactfem.studies.precision",
     "Board": "impactfem.studies.hard.cases",
     "Comparison": "impactfem.result.compare",
+    "Spectrum": "impactfem.result.spectrum",
     "Study": "impactfem.studies.study",
     "compare": "impactfem.result.compare",
     "hard_cases": "impactfem.studies.hard.cases",
