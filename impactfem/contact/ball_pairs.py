@@ -13,10 +13,10 @@ from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.ball_kernels import reached
-from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Edges, Meeting, Turning, patch_of, weights_on
 from impactfem.contact.mortar_surface import Surface
+from impactfem.system.closest import closest_shares, distances
 
 _SAME = 1e-9  # share of a distance by which two count as the same
 _ALIKE = 0.9  # cosine of directions from which two closest places count as one

@@ -13,9 +13,9 @@ from scipy.sparse import csr_matrix, eye_array, vstack
 
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.ball_pairs import BallPair, Target, carried
-from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.convex_pairs import Marked, Pose
 from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of, weights_on
+from impactfem.system.closest import closest_shares, distances
 from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
 

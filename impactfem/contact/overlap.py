@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from impactfem.arrays import Booleans, Floats
 from impactfem.contact.boundary import Boundary
-from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.obstacle_places import edges
 from impactfem.contact.self_pairs import WithinBody
 from impactfem.scene.obstacles.rotation import Placement, placement
+from impactfem.system.closest import closest_shares, distances
 
 HALF_FACE = 0.5
 """Depth below faces, share of their width, at which a body in contact with itself is wrong."""

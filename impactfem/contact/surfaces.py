@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 
-from impactfem.arrays import Floats, Integers
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.boundary import Boundary, everywhere
 from impactfem.contact.facing import ROUNDING, gap_fields
 from impactfem.contact.pressure import pressure_map
@@ -75,6 +75,7 @@ def contact_nodes(
     symmetry: Collection[str] = (),
     axisymmetric: bool = False,
     turns: bool = False,
+    joined: Booleans | bool = False,
 ) -> ContactNodes:
     """Choose the nodes that can touch an obstacle within the duration (collective).
 
@@ -92,6 +93,7 @@ def contact_nodes(
             of an axisymmetric body is known to be none.)
         axisymmetric: Whether the first coordinate is the radius.
         turns: Whether the body may turn at will, so that what faces away now may touch later.
+        joined: Which nodes of the outside joints hold, (nodes,): they keep their mass.
 
     Raises:
         SceneError: On all ranks: the body is inside an obstacle at t = 0, or a surface is unknown.
@@ -107,6 +109,7 @@ def contact_nodes(
     fields = gap_fields(outside, asked, real, obstacles, places, spread[:, dim:] > 0.5)
     on_asked = outside.touched(asked)
     check_start(name, obstacles, places, fields, on_asked, outside.size)
+    fields = replace(fields, held=fields.held | joined)
 
     if turns:
         nowhere = np.zeros_like(fields.away)

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats, Integers
-from impactfem.contact.closest import closest_shares, distances
 from impactfem.errors import ConvergenceError
 from impactfem.findings import STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.few_forces import steady_load, tangent
@@ -26,6 +25,7 @@ from impactfem.marching.stations import Held
 from impactfem.marching.watched import Watched
 from impactfem.result.shapes import LINE, Shape
 from impactfem.scene import PiecewiseVector
+from impactfem.system.closest import closest_shares, distances
 from impactfem.system.few import FewBodies, Lumped
 from impactfem.system.generalized import LinearSystem
 from impactfem.system.stations import Stations

@@ -3,9 +3,9 @@
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
-from impactfem.contact.closest import shares_inside
 from impactfem.marching.few import FewInterior
 from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, Shape
+from impactfem.system.closest import shares_inside
 from impactfem.system.rigid import in_space
 
 _NEAR, _ROUND = 1e-9, 0.05  # how far a probe may lie out of the flat or round cells of a picture

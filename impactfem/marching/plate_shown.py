@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
-from impactfem.contact.closest import shares_inside
 from impactfem.marching.few import FewInterior
 from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, VECTOR, Shape
+from impactfem.system.closest import shares_inside
 from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate import PlateSystem
 

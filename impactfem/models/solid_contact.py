@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from impactfem.arrays import Booleans
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.reach import Reach, reach
 from impactfem.contact.surfaces import ContactNodes, contact_nodes
@@ -65,8 +66,11 @@ def contact_of(
     outside: Boundary,
     obstacles: Sequence[Any],
     bound: Reach,
+    joined: Booleans,
 ) -> ContactNodes:
     """Nodes of a solid that can touch obstacles, at least one (collective).
+
+    Those that joints hold, `joined`, leave these.
 
     Raises:
         SceneError: The solid is inside an obstacle at t = 0, or a surface is unknown.
@@ -77,7 +81,7 @@ def contact_of(
     return contact_nodes(
         comm, outside, obstacles, system.numbers, system.constrained, system.displacement, bound,
         name=solid.name, surfaces=surfaces_of(scene, solid, obstacles),
-        symmetry=cuts, axisymmetric=solid.is_axisymmetric,
+        symmetry=cuts, axisymmetric=solid.is_axisymmetric, joined=joined,
         turns=solid.is_finite or any(obstacle.rotation for obstacle in obstacles),
     )  # fmt: skip
 

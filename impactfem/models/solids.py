@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from impactfem.arrays import Floats, Integers
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.body_pairs import Side, SurfacePair, make_pair
 from impactfem.contact.boundary import Boundary, boundary, everywhere
 from impactfem.contact.overlap import in_obstacle, overlap
@@ -33,19 +33,20 @@ from impactfem.models.ball_contacts import (
 from impactfem.models.key import SceneKey
 from impactfem.models.obstacle_contacts import ObstacleMeeting, obstacle_meetings
 from impactfem.models.solid_contact import contact_of, reach_of
-from impactfem.models.tips import tips_of
+from impactfem.models.tips import Key, held_regions, supported, tips_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.apartness import Apartness
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.probes import Probe, outside
+from impactfem.scene.schema import KeyedError
 from impactfem.system.elastic import ElasticSystem, elastic_system
 from impactfem.system.few import FewBodies
 from impactfem.system.few_bodies import few_bodies
 from impactfem.system.joints import Joints, joints_of
 from impactfem.system.located import Located, locate
 from impactfem.system.surface import SurfaceNodes
-from impactfem.system.tips import Tips
+from impactfem.system.tips import HeldRegion, Tips
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,27 @@ class SolidPart:
         return self.outside.points + everywhere(self.comm, numbers, self.system.numbers, moved)
 
     @cached_property
+    def supported(self) -> Booleans:
+        """Nodes of the outside that supports hold, (nodes,) (collective likewise)."""
+        return supported(self)
+
+    @cached_property
+    def regions(self) -> Mapping[Key, HeldRegion]:
+        """What joints hold of it (collective likewise).
+
+        Raises:
+            KeyedError: A surface is unknown, or a region is empty or shared.
+        """
+        return held_regions(self)
+
+    @property
+    def joined(self) -> Booleans:
+        """Nodes of the outside that joints hold, which do not touch, (nodes,)."""
+        held = [region.numbers for region in self.regions.values()]
+        none = np.zeros(0, dtype=np.int64)
+        return np.isin(self.outside.numbers, np.concatenate([none, *held]))
+
+    @cached_property
     def obstacles(self) -> Sequence[Rigid]:
         """What of the scene's obstacles it may meet."""
         return obstacles_of(self.scene, self.solid.name)
@@ -115,7 +137,7 @@ class SolidPart:
             return None
         found = contact_of(
             self.comm, self.scene, self.solid, self.system, self.outside, self.obstacles,
-            self.reach,
+            self.reach, self.joined,
         )  # fmt: skip
         for obstacle in self.obstacles:
             met = in_obstacle(obstacle, 0.0, self.outside, self.places)
@@ -226,6 +248,11 @@ class SolidsModel:
                         f"{name!r}; {meant}give one of {', '.join(outside.names)}"
                     )
             asked &= outside.on(chosen)
+        if part.regions:
+            asked &= ~part.joined[outside.faces].any(axis=1)
+            if not asked.any():
+                text = f": joints hold all faces of {solid.name} that may strike others; give a "
+                raise KeyedError("joint", "radius", text + "smaller one, or finer elements.")
         return outside, part.places, asked
 
     @cached_property
@@ -291,12 +318,8 @@ class SolidsModel:
 
     @cached_property
     def tips(self) -> tuple[Tips, ...]:
-        """Surfaces that joints hold, of each solid (collective likewise).
-
-        Raises:
-            SceneError: A surface is unknown.
-        """
-        return tuple(map(tips_of, self.parts, self.numbers))
+        """What joints hold of each solid (collective likewise)."""
+        return tuple(map(tips_of, self.parts))
 
     @property
     def names(self) -> tuple[str, ...]:

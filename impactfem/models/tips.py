@@ -1,42 +1,95 @@
-"""Which surfaces of a solid joints hold."""
+"""Which nodes of the surfaces of a solid joints hold."""
 
 from typing import TYPE_CHECKING
 
-from impactfem.arrays import Integers
+import numpy as np
+
+from impactfem.arrays import Booleans
+from impactfem.contact.boundary import everywhere
 from impactfem.scene.laws import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.link_shapes import named
-from impactfem.system.tips import Tips
+from impactfem.system.regions import region, triangles
+from impactfem.system.tips import HeldRegion, Tips, tip
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidPart
 
+type Key = tuple[str, tuple[float, ...]]
+"""Name of a side of a joint, and its place [m]."""
 
-def tips_of(part: "SolidPart", touching: Integers) -> Tips:
-    """Surfaces of a solid that joints hold, none if there are none (collective).
 
-    Args:
-        part: The solid.
-        touching: Canonical numbers of its contact nodes.
+def held_regions(part: "SolidPart") -> dict[Key, HeldRegion]:
+    """What joints hold of a solid (collective if there are joints).
 
     Raises:
-        KeyedError: It has no such surface, or is cut by symmetry.
+        KeyedError: It has no such surface, is cut by symmetry, or a region is empty or shared.
     """
-    outside, found = part.outside, {}
+    outside, found = part.outside, dict[Key, HeldRegion]()
+    owners = dict[Key, str]()
     for index, joint in enumerate(part.scene.joints):
-        for side in joint.between or ():
+        for side, place in zip(joint.between or (), joint.places, strict=False):
             body, surfaces = side_of(side)
             if body != part.solid.name:
                 continue
-            for name in surfaces or ():
-                if part.solid.shape is not None and part.solid.shape.symmetry:
-                    text = f" = {show(side)}: {body} is cut by symmetry, which joints do not keep; "
-                    raise KeyedError(f"joint[{index}]", "between", text + "model it as a whole.")
-                if name not in outside.names:
-                    raise named(f"joint[{index}]", "between", side, outside.names, "surface")
-                faces = outside.on([name])
-                on = outside.touched(faces)
-                areas = outside.total(outside.areas, faces)[on]
-                found[name] = outside.numbers[on], outside.points[on], areas
-    return Tips(part.solid.name, part.system, found, touching)
+            (name,) = surfaces or ("",)
+            where = f"joint[{index}]"
+            if part.solid.shape is not None and part.solid.shape.symmetry:
+                text = f" = {show(side)}: {body} is cut by symmetry, which joints do not keep; "
+                raise KeyedError(where, "between", text + "model it as a whole.")
+            if name not in outside.names:
+                raise named(where, "between", side, outside.names, "surface")
+            key = side, tuple(float(x) for x in place)
+            made = _region(part, name, np.array(key[1]), joint.radius, (where, side))
+            for other, known in found.items():
+                both = np.intersect1d(made.numbers, known.numbers)
+                if len(both) and (other != key or not np.array_equal(made.numbers, known.numbers)):
+                    apart = float(np.linalg.norm(np.subtract(key[1], other[1])))
+                    raise _shared(index, side, made, owners[other], known, apart)
+            found.setdefault(key, made)
+            owners.setdefault(key, joint.name)
+    return found
+
+
+def _shared(
+    index: int, side: str, made: HeldRegion, other: str, known: HeldRegion, apart: float
+) -> KeyedError:
+    """The error of regions that share nodes, their places so far apart [m]."""
+    both = len(np.intersect1d(made.numbers, known.numbers))
+    text = f" = {made.radius:.6g}: joint {other}, {apart:.6g} m from it, "
+    text += f"holds {both} nodes of {side} too, within {known.radius:.6g} m of its place; give "
+    less = f"both a radius below {0.5 * apart:.3g}, or finer elements." if apart else "one radius."
+    return KeyedError(f"joint[{index}]", "radius", text + less)
+
+
+def _region(
+    part: "SolidPart", name: str, place: np.ndarray, radius: float | None, where: tuple[str, str]
+) -> HeldRegion:
+    outside = part.outside
+    faces = outside.on([name])
+    on = outside.touched(faces)
+    areas, free = outside.total(outside.areas, faces)[on], ~part.supported[on]
+    points, corners = outside.points[on], triangles(outside.faces[faces], part.solid.dim)
+
+    def holds(nodes: Booleans) -> bool:
+        return tip(points, areas * (nodes & free)) is not None
+
+    numbers = np.searchsorted(np.flatnonzero(on), corners)
+    found = region(place, points, numbers, radius, holds, where)
+    kept = found.nodes & free
+    return HeldRegion(
+        outside.numbers[on][kept], points[kept], areas[kept], int(on.sum()), found.radius, found.why
+    )
+
+
+def supported(part: "SolidPart") -> Booleans:
+    """Which nodes of the outside of a solid supports hold, (nodes,) (collective)."""
+    system, outside = part.system, part.outside
+    own = np.reshape(system.constrained, (-1, part.solid.dim)).astype(np.float64)
+    return everywhere(part.comm, outside.numbers, system.numbers, own).any(axis=1)
+
+
+def tips_of(part: "SolidPart") -> Tips:
+    """Tips of a solid, none if joints do not hold it (collective)."""
+    return Tips(part.solid.name, part.system, part.regions)

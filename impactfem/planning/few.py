@@ -26,7 +26,6 @@ from impactfem.planning.time_data import Datum, data_findings, parts_following, 
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.apartness import Apartness
-from impactfem.scene.joints import Joint
 from impactfem.scene.laws import side_of
 from impactfem.scene.pairing import named_body_pairs
 from impactfem.sizing import check_memory
@@ -34,7 +33,6 @@ from impactfem.sizing import check_memory
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidsModel
     from impactfem.system.few import FewBodies
-    from impactfem.system.tips import Tips
 
 METHOD, OF_PLACES = "moreau_jean", "conserving"
 """Chosen where what touches has mass, and where it has none."""
@@ -199,33 +197,11 @@ def joint_findings(model: "SolidsModel") -> list[Finding]:
             "forces and moments in joints are not unique, the least ones are reported"
         )
         found.append(Finding("overconstrained", "note", text, value=float(joints.redundant)))
-    for tips in model.tips:
-        found += _misplaced(tips, joints.joints)
     for joint in joints.joints:
         if joint.soft is not None:
             text = f"joint {joint.name} gives way by erp and cfm, which are of the step, not of it"
             remedy = "remove soft, or give stiffness and damping"
             found.append(warning("control_method", text, joint.name, remedy=remedy))
-    return found
-
-
-def _misplaced(tips: "Tips", joints: Sequence[Joint]) -> list[Finding]:
-    """Joints at places on a surface that are not those of its mean, which they hold."""
-    found = []
-    for joint in joints:
-        for side, place in zip(joint.between or (), joint.places, strict=False):
-            body, surfaces = side_of(side)
-            if body != tips.name:
-                continue
-            (name,) = surfaces or ()
-            off, spread, nearest = tips.beside(name, np.asarray(place, dtype=float))
-            if off <= spread or nearest > 0.5 * off:  # or a lever that stands off the surface
-                continue
-            text = f"joint {joint.name} is at a place of {side} that is {off:.3g} m from the mean "
-            text += "of the surface, which it holds with a lever from there: all of the surface, "
-            text += "and not that place, carries its force"
-            remedy = "mark a surface around that place alone in a mesh file, or move the joint"
-            found.append(Finding("setting", "warning", text, joint.name, off, spread, remedy))
     return found
 
 
@@ -270,12 +246,13 @@ def dent_times(scene: Scene, few: Sequence["FewBodies"]) -> list[float]:
 
 def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]:
     """What is said of bodies without meshes beside solids."""
-    if model.joints is not None:
-        for tips in model.tips:
-            for name, (counting, every) in tips.left_out().items():
-                reasons[f"joint on {tips.name}/{name}"] = (
-                    f"{counting} of {every} nodes: others may touch, or are held"
-                )
+    for part in model.parts:
+        for (side, place), held in part.regions.items():
+            of = "all" if len(held.numbers) == held.every else f"{len(held.numbers)} of"
+            at = ", ".join(f"{x:.4g}" for x in place)
+            text = f"the mean of {of} {held.every} nodes, those within {held.radius:.3g} m"
+            more = f": {held.why}, joint.radius gives another" if held.why else ""
+            reasons[f"joint on {side} at ({at})"] = f"{text}{more}; they do not touch"
     if not model.few:
         return joint_findings(model)
     reasons["contact points"] = (

@@ -44,7 +44,7 @@ def check_joints(scene: Content) -> None:
             text = f" has {dim} coordinates, the bodies have {scene.dim}: give {scene.dim}."
             raise KeyedError(where, key, text)
         _check_places(scene, where, joint)
-        _check_shared(scene, index)
+        _check_radius(scene, where, joint)
         fixed = [n for n in sorted(joint.bodies & set(bodies)) if not bodies[n].joined_in_steps]
         if fixed and scene.iterated:
             kinds = " and ".join(kind for kind, cls in BODIES.items() if cls.joined_in_steps)
@@ -83,26 +83,17 @@ def _check_places(scene: Content, where: str, joint: Joint) -> None:
         raise KeyedError(where, key, f"{text}give a place there.")
 
 
-def _check_shared(scene: Content, index: int) -> None:
-    """Refuse joints at two places of one surface: each would hold the mean of all of it."""
-    joint, bodies = scene.joints[index], {body.name: body for body in scene.bodies}
-    for side, name in enumerate(joint.between or ()):
-        body, part = side_of(name)
-        if body not in bodies or not part or bodies[body].parts_in_joints != "surfaces":
-            continue
-        here = np.asarray(joint.places[side], dtype=float)
-        for other in scene.joints[:index]:
-            for held, place in zip(other.between or (), other.places, strict=False):
-                there = np.asarray(place, dtype=float)
-                alike = held == name and here.shape == there.shape
-                if not alike or np.allclose(here, there, rtol=0.0, atol=1e-9 * abs(here).max()):
-                    continue
-                key = "point" if joint.points is None else f"points[{side}]"
-                text = f" = {show(list(here))}: joint {other.name} holds {name} too, at "
-                text += f"{show(list(there))}, but a joint holds the mean of a whole surface, so "
-                text += "that both would hold the same tip, which then cannot bend between them; "
-                text += "mark a surface around each place in a mesh file, or give one joint."
-                raise KeyedError(f"joint[{index}]", key, text)
+def _check_radius(scene: Content, where: str, joint: Joint) -> None:
+    """Refuse a radius of what has no surface."""
+    bodies = {body.name: body for body in scene.bodies}
+    each = [side_of(name) for name in joint.between or ()]
+    if joint.radius is None or any(
+        part and bodies[body].parts_in_joints == "surfaces" for body, part in each
+    ):
+        return
+    text = f" = {show(joint.radius)} is that of a region of a surface, and joint {joint.name} holds"
+    text += ' none: remove it, or name a surface of a solid or of springs, as "block/top".'
+    raise KeyedError(where, "radius", text)
 
 
 def _check_side(scene: Content, where: str, name: str, between: object) -> None:

@@ -112,6 +112,12 @@ class Joint:
         ListOf(Vector(), at_least=2), "of a distance: where it holds either body at t = 0",
         unit="m", default=None, absent="none",
     )  # fmt: skip
+    radius: float | None = key(
+        Real(above=0),
+        "of the region about its place that it holds of a surface, in the mean; nodes there do not "
+        "touch", unit="m", default=None,
+        absent="a sixth of the surface's size, at most half way to its nearest edge",
+    )  # fmt: skip
     axis: Sequence[float] | None = key(
         Vector(nonzero=True), "its axis at t = 0, of any length", default=None,
         absent="none, in the plane across it",

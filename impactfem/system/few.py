@@ -16,7 +16,7 @@ from impactfem.scene import Bar
 from impactfem.system.beam_parts import BeamParts
 from impactfem.system.convex import Carrier
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
-from impactfem.system.stations import Stations
+from impactfem.system.stations import Asked, Stations
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ class FewBodies:
             return self.nodes_of(body)
         return np.concatenate([self.ends[name] for name in surfaces or self.ends])
 
-    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+    def stations(self, asked: Sequence[Asked]) -> Stations:
         """What joints hold of bodies at places [m], (3,); see `BodyKind.takes_joints`."""
         raise NotImplementedError
 
@@ -216,7 +216,7 @@ class Lumped(FewBodies):
     beam: BeamParts | None = None
     section: Callable[[int, Floats], tuple[Floats, Floats]] | None = None
 
-    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+    def stations(self, asked: Sequence[Asked]) -> Stations:
         """One for each place, but for those that are the same."""
         if self.section is None:
             raise NotImplementedError
@@ -224,7 +224,7 @@ class Lumped(FewBodies):
         names: list[str] = []
         places: list[Floats] = []
         rows: list[Floats] = []
-        for name, wanted in asked:
+        for name, wanted, _ in asked:
             place, moving = self.section(self.names.index(name), wanted)
             known = [n == name and (p == place).all() for n, p in zip(names, places, strict=True)]
             of.append(known.index(True) if any(known) else len(names))
@@ -269,16 +269,16 @@ class ElasticBar(FewBodies):
         """The near end looks back, the far end ahead."""
         return np.array([-1.0, 1.0])
 
-    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+    def stations(self, asked: Sequence[Asked]) -> Stations:
         """Its ends, which move along it and do not turn; rows are of q'."""
-        names = tuple(dict.fromkeys(name for name, _ in asked))
+        names = tuple(dict.fromkeys(name for name, *_ in asked))
         ends = np.array([int("/" in name) for name in names])
         rows = np.zeros((len(names), 6, 2))
         rows[np.arange(len(names)), : self.dim, ends] = self.axis
         places = np.zeros((len(names), 3))
         places[:, : self.dim] = self.places(self.position)[ends]
         found = Stations.along(
-            tuple(names.index(name) for name, _ in asked), names, places, rows,
+            tuple(names.index(name) for name, *_ in asked), names, places, rows,
             2.0 / self.masses[0] * rows.reshape(-1, 2).T, self.velocity,
         )  # fmt: skip
         return replace(found, given=())

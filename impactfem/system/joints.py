@@ -24,7 +24,7 @@ from impactfem.system.joint_kernels import (
 )
 from impactfem.system.joint_rows import JointFrame, Rows
 from impactfem.system.rigid import in_space
-from impactfem.system.stations import HasStations, Stations, couples
+from impactfem.system.stations import Asked, HasStations, Stations, couples
 
 _MOVING = 1e-9  # share of the largest speed with which bodies may part in a joint at t = 0
 
@@ -321,13 +321,14 @@ def _held(
     at: dict[tuple[int, int], int] = {}
     count = 1
     for place, bodies in enumerate(every):
-        sides, asked = [], []
+        sides, asked = [], list[Asked]()
         for k, joint in enumerate(scene.joints):
             for side, name in enumerate(joint.between or ()):
                 at.setdefault((k, side), 0)
                 if side_of(name)[0] in bodies.names:
                     sides.append((k, side))
-                    asked.append((name, in_space(np.asarray(joint.places[side], dtype=float))))
+                    at_start = in_space(np.asarray(joint.places[side], dtype=float))
+                    asked.append((name, at_start, joint.radius))
         if not asked:
             continue
         stations = bodies.stations(asked)

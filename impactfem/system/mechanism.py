@@ -14,7 +14,7 @@ from impactfem.system.few import FewBodies
 from impactfem.system.inverse_kinematics import Found, place_frame
 from impactfem.system.link_shapes import LinkNodes, Partner, named, picture
 from impactfem.system.mechanism_file import read_mechanism
-from impactfem.system.stations import Stations
+from impactfem.system.stations import Asked, Stations
 from impactfem.system.tree import Tree
 
 _SINGULAR = 1e-12  # share of the largest inertia of a rate that counts as none
@@ -92,7 +92,7 @@ class Arm(FewBodies):
         found = {name: float(own[at]) for name, at in tree.single.items()}
         return {"inertia": found | ({tree.root: float(own[3:6].mean())} if tree.free else {})}
 
-    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+    def stations(self, asked: Sequence[Asked]) -> Stations:
         """The links that are named.
 
         Raises:
@@ -105,7 +105,7 @@ class Arm(FewBodies):
                 f" = {show(asked[0][0])} is the only link of {self.names[0]}, and free: model it "
             )
             raise KeyedError("joint", "between", text + 'as a body of kind "rigid".')
-        names = tuple(dict.fromkeys(name for name, _ in asked))
+        names = tuple(dict.fromkeys(name for name, *_ in asked))
         for name in names:
             link = name.partition("/")[2]
             if link not in links:
@@ -115,7 +115,7 @@ class Arm(FewBodies):
         rows = tree.jacobians(self.position, joints)
         answers = np.linalg.solve(tree.inertia(self.position), rows.reshape(-1, tree.rates).T)
         found = Stations.along(
-            tuple(names.index(name) for name, _ in asked), names, places, rows, answers,
+            tuple(names.index(name) for name, *_ in asked), names, places, rows, answers,
             self.velocity,
         )  # fmt: skip
         spins = np.einsum("sji,sj->si", turns, found.spins)

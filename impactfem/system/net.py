@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from impactfem.arrays import Floats, Integers
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.errors import MeshError, SceneError
 from impactfem.scene import Scene
 from impactfem.scene.body import beside
@@ -15,8 +15,9 @@ from impactfem.scene.springs import SpringNet
 from impactfem.system.few import FewBodies
 from impactfem.system.link_shapes import named
 from impactfem.system.net_mesh import NetMesh, net_mesh
+from impactfem.system.regions import region
 from impactfem.system.rigid import in_space
-from impactfem.system.stations import Stations
+from impactfem.system.stations import Asked, Stations
 from impactfem.system.tips import tip
 
 _STEPS = 10.0  # radians of an edge's vibration in one of the body that steps follow
@@ -60,15 +61,15 @@ class Net(FewBodies):
             return None
         return 2.0 * shear * (1.0 + nu), nu
 
-    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
-        """One for each mass, and for each surface, which is a tip in the mean.
+    def stations(self, asked: Sequence[Asked]) -> Stations:
+        """One for each mass, and for each region of a surface, which is a tip in the mean.
 
         Raises:
             SceneError: No mass is there, or too few are free.
         """
         of, keys, places, rows = [], list[tuple[int, ...]](), list[Floats](), list[Floats]()
-        for name, wanted in asked:
-            nodes = self._held_at(name, wanted)
+        for name, wanted, radius in asked:
+            nodes = self._held_at(name, wanted, radius)
             if (key := tuple(nodes.tolist())) not in keys:
                 made = self._station(name, nodes)
                 keys.append(key)
@@ -81,13 +82,13 @@ class Net(FewBodies):
         found = Stations.along(tuple(of), names, np.array(places), moving, answers, self.velocity)
         return replace(found, freedoms=len(mass), given=())
 
-    def _held_at(self, name: str, wanted: Floats) -> Integers:
+    def _held_at(self, name: str, wanted: Floats, radius: float | None) -> Integers:
         """Free masses that a joint holds at a place [m], (3,)."""
         points, surface = self.mesh.points, name.partition("/")[2]
         if surface:
             if surface not in self.mesh.surfaces:
                 raise named("joint", "between", name, list(self.mesh.surfaces), "surface")
-            return np.intersect1d(self.mesh.surfaces[surface], self.free)
+            return self._region(name, self.mesh.surfaces[surface], wanted[: self.dim], radius)
         place = wanted[: self.dim]
         node = int(np.linalg.norm(points - place, axis=1).argmin())
         if beside(place, points[node]):
@@ -97,6 +98,20 @@ class Net(FewBodies):
                 f"joints hold; give a place of one, the nearest is at ({near}), or a surface"
             )
         return np.intersect1d([node], self.free)
+
+    def _region(
+        self, name: str, surface: Integers, place: Floats, radius: float | None
+    ) -> Integers:
+        """Free masses of a surface about a place."""
+        points, mass = self.mesh.points[surface], self.node_mass[surface]
+        free = np.isin(surface, self.free)
+        sides = np.searchsorted(surface, self.mesh.edges[np.isin(self.mesh.edges, surface).all(1)])
+
+        def holds(nodes: Booleans) -> bool:
+            return tip(points, mass * (free & nodes)) is not None
+
+        where = "joint", name
+        return surface[region(place, points, sides, radius, holds, where).nodes & free]
 
     def _station(self, name: str, nodes: Integers) -> tuple[Floats, Floats]:
         """Place of a station (3,), and its velocity and spin by q', (6, d)."""

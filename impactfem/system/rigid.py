@@ -20,7 +20,7 @@ from impactfem.scene.rigid_keys import rotation
 from impactfem.system.convex import Carrier, Convex
 from impactfem.system.few import FewBodies, Lone
 from impactfem.system.rim_kernels import along_rims, lowest_directions
-from impactfem.system.stations import Stations
+from impactfem.system.stations import Asked, Stations
 
 type Loads = Callable[[float, float, Floats, Floats, Floats], tuple[Floats, Floats]]
 """Mean force [N] and moment [N m], (3,) each, between two times, by centre, velocity and spin."""
@@ -130,7 +130,7 @@ class Rigid(FewBodies):
         axis = np.zeros(3) if self.rims is None else self.rims.axis
         return Lone(self.masses[0], self.inertia, self.arms, self.rolling, shares, axis, self.free)
 
-    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+    def stations(self, asked: Sequence[Asked]) -> Stations:
         """One, wherever joints hold it."""
         dim = self.dim
         centre, turn = frame(self.position)

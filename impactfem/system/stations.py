@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
 
+type Asked = tuple[str, Floats, float | None]
+"""A side of a joint: its name, its place at t = 0 [m], (3,), and the radius of its region [m]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Stations:
@@ -97,7 +100,7 @@ class HasStations(Protocol):
     def names(self) -> tuple[str, ...]:
         """Of its bodies."""
 
-    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+    def stations(self, asked: Sequence[Asked]) -> Stations:
         """What joints hold of bodies at places [m], (3,); see `BodyKind.takes_joints`."""
 
 

@@ -12,6 +12,7 @@ from impactfem import (
     HalfSpace,
     Joint,
     Output,
+    Probe,
     RigidBody,
     Scene,
     Solid,
@@ -160,8 +161,11 @@ def test_a_tip_is_the_mean_by_area_on_any_mesh(degree):
     corner = {"point": [-0.1, 0.0], "radius": 0.05, "size": 0.01}
     turning = {"velocity": [0.3, 0.2], "angular_velocity": 2.0}
     body = block(refine=[corner], degree=degree, **turning)
-    scene = made([body], [hinge("ground", "block/top", kind="distance", point=None, limits=[0, 1],
-                                points=[[0.0, 0.2], [0.05, 0.0]])], 0.1, 1e-3)  # fmt: skip
+    rope = hinge(
+        "ground", "block/top", kind="distance", point=None, limits=[0, 1], radius=1.0,
+        points=[[0.0, 0.2], [0.05, 0.0]],
+    )  # fmt: skip
+    scene = made([body], [rope], 0.1, 1e-3)
     found = solids_model(scene, (degree,), updated=True).joints
     np.testing.assert_allclose(found.places[1], [0.0, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(found.spins[1], [0.0, 0.0, 2.0], atol=1e-12)
@@ -283,7 +287,8 @@ def test_two_ranks_do_the_same(monkeypatch):
     [
         ({"between": ["block/topp", "bob"]}, 'no surface "block/topp"; did you mean "top"'),
         ({"between": ["block", "bob"]}, 'joints hold surfaces: give "block/SURFACE"'),
-        ({"between": ["block/bottom", "bob"]}, "neither touch nor are held"),
+        ({"radius": 0.01}, r"radius = 0.01: 0 nodes of block/top .*; give 0.0144 or more"),
+        ({"between": ["ground", "bob"], "radius": 0.1}, "pin holds none: remove it"),
     ],
 )
 def test_surfaces_that_cannot_be_held_are_refused(change, text):
@@ -292,22 +297,74 @@ def test_surfaces_that_cannot_be_held_are_refused(change, text):
         plan(replace(scene, joints=[replace(scene.joints[0], **change)], contacts=contacts))
 
 
-def test_a_joint_beside_the_mean_of_its_surface_is_told_and_two_are_refused():
-    strip, keys = {"kind": "block", "size": [0.2, 0.02], "corner": [-0.1, 0.0]}, {"kind": "fixed"}
-    body, held = block(shape=strip, mesh_size=0.01), ("ground", "block/bottom")
-    left, middle, lever, right = (
-        hinge(*held, point=point, **keys)
-        for point in ([-0.09, 0.0], [0.0, 0.0], [0.0, -0.1], [0.09, 0.0])
+BOARD = {"kind": "block", "size": [0.06, 1e-3], "corner": [-0.03, 0.0]}
+PADS = """SetFactory("OpenCASCADE");
+Point(1)={-.03,0,0}; Point(2)={-.029,0,0}; Point(3)={-.027,0,0}; Point(4)={.027,0,0};
+Point(5)={.029,0,0}; Point(6)={.03,0,0}; Point(7)={.03,.001,0}; Point(8)={-.03,.001,0};
+For k In {1:7}
+  Line(k)={k,k+1};
+EndFor
+Line(8)={8,1};
+Curve Loop(1)={1:8}; Plane Surface(1)={1};
+Physical Surface("fr4")={1}; Physical Curve("pad1")={2}; Physical Curve("pad2")={4};
+"""
+
+
+def board(sides, **more):
+    """A board on two screws under its weight, at rest."""
+    body = Solid(
+        name="board", model="plane_strain", mesh_size=5e-4, degree=2, density=1900.0,
+        youngs_modulus=2.2e10, poisson_ratio=0.15, **({"shape": BOARD} | more),
+    )  # fmt: skip
+    screws = [
+        Joint(name=f"screw{k}", kind="fixed", between=["ground", side], point=[x, 0.0], radius=r)
+        for k, (x, side, r) in enumerate(sides)
+    ]
+    probe = Probe(name="mid", body="board", point=[0.0, 0.0])
+    return made([body], screws, 4e-6, 4e-6, (0.0, -1000.0), probes=[probe], start="static")
+
+
+def test_screws_on_one_surface_hold_the_regions_about_them(tmp_path):
+    path = tmp_path / "board.geo"
+    path.write_text(PADS)
+    places = (-0.028, 0.028)
+    marked = board(
+        [(x, f"board/pad{k + 1}", 1.0) for k, x in enumerate(places)], shape=None, mesh=str(path)
     )
-    for joint, told in ((left, True), (middle, False), (lever, False)):
-        scene = made([body], [joint], 1e-3, 1e-5)
-        found = [each for each in plan(scene).findings if each.subject == "pin"]
-        assert bool(found) == told
-    with pytest.raises(
-        SceneError, match=r"joint\[1\].point = \[0.09, 0.0\]: joint pin holds block/bot"
-    ):
-        made([body], [left, replace(right, name="other")], 1e-3, 1e-5)
-    made([body], [left, replace(left, name="other", kind="revolute")], 1e-3, 1e-5)  # at one place
+    scenes = [marked] + [board([(x, "board/bottom", r) for x in places]) for r in (1e-3, None)]
+    sags = [-solve(scene).history["mid.uy"].values[0] for scene in scenes]
+    stiffness = 2.2e10 / (1.0 - 0.15**2) * 1e-9 / 12.0
+    theory = 1900.0 * 1e-3 * 1000.0 * 0.056**4 / (384.0 * stiffness)  # clamped, of Euler
+    assert sags[0] == pytest.approx(theory, rel=0.03)
+    np.testing.assert_allclose(sags[1:], sags[0], rtol=0.01)  # 0.4 %: meshes differ
+    said = plan(scenes[2]).reasons["joint on board/bottom at (0.028, 0)"]
+    assert "9 of 241 nodes" in said
+    assert "half way to its nearest edge" in said
+
+
+@pytest.mark.parametrize(("other", "given"), [(0.03, r"0.004: .* below 0.001"), (0.028, "one rad")])
+def test_regions_that_share_nodes_are_refused(other, given):
+    scene = board([(0.028, "board/bottom", 2e-3), (other, "board/bottom", 4e-3)])
+    with pytest.raises(SceneError, match=rf"joint\[1\].radius = .*{given}"):
+        plan(scene)
+
+
+def test_what_joints_hold_does_not_touch():
+    scene = landing(kind="revolute")
+    low = replace(scene.joints[0], between=["ground", "block/bottom"], point=[0.05, 0.002])
+    above = {"kind": "block", "size": [0.2, 0.1], "corner": [-0.1, 0.104]}
+    lid = replace(block(mesh_size=0.03, shape=above), name="lid")
+    joints = [replace(low, name="low", radius=0.03), replace(scene.joints[0], radius=0.03)]
+    laws = [*scene.contacts, Contact(between=["block", "lid"])]
+    both = replace(scene, bodies=[*scene.bodies, lid], joints=joints, contacts=laws)
+    model = solids_model(both, (1, 1))
+    held = np.concatenate([region.numbers for region in model.parts[0].regions.values()])
+    assert len(held) == 4
+    assert not np.isin(held, model.numbers[0]).any()
+    assert model.pairs
+    said = [text for text in model.parts[0].contact.why if "held by joints" in text]
+    assert said
+    assert said[0].startswith("4 nodes (bottom 2, top 2)")
 
 
 def test_half_of_a_body_is_refused():
@@ -332,6 +389,7 @@ def test_plans_foresee_no_flight_of_what_joints_hold_and_say_what_counts():
         obstacles=[HalfSpace(name="floor", point=[0.0, -0.12], normal=[0.0, 1.0])],
     )  # fmt: skip
     found = plan(scene)
-    assert found.reasons["joint on block/left"].endswith("nodes: others may touch, or are held")
+    said = found.reasons["joint on block/left at (-0.1, -0.05)"]
+    assert said.startswith("the mean of all 3 nodes, those within 0.05 m")
     assert not any(name.startswith("offer") for name in found.reasons)
     assert "meets_nothing" not in {finding.code for finding in found.findings}

@@ -1,0 +1,122 @@
+"""Which nodes of a surface a joint holds: those around its place."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
+from impactfem.system.closest import closest_shares, distances
+
+SHARE = 1.0 / 6.0
+"""Of the largest extent of a surface: as far as a joint holds it about its place."""
+
+_EDGE = 1.0 + 1e-9  # a node at the radius is within it
+
+
+@dataclass(frozen=True)
+class Region:
+    """Nodes of a surface that a joint holds.
+
+    Attributes:
+        nodes: Which of those of the surface, (nodes,).
+        radius: Largest distance from the foot of the joint's place [m].
+        why: Where the radius is from, in words; empty if it was given.
+    """
+
+    nodes: Booleans
+    radius: float
+    why: str
+
+
+def region(
+    place: Floats,
+    points: Floats,
+    faces: Integers,
+    radius: float | None,
+    holds: Callable[[Booleans], bool],
+    where: tuple[str, str],
+) -> Region:
+    """Nodes about the foot of a place on a surface.
+
+    Without a radius they are those within a sixth of its largest extent, but no further than half
+    way to its nearest edge, so that their mean is about the place. Where these are too few to tell
+    how they turn, the nearest ones that do.
+
+    Args:
+        place: Of the joint [m], (dim,), which may stand off the surface.
+        points: Nodes of the surface [m], (nodes, dim).
+        faces: Corners of its lines or triangles, (faces, 2 or 3).
+        radius: That of the scene [m].
+        holds: Whether some nodes (nodes,) tell where they are and how they turn.
+        where: Table of the joint and name of the side, for messages.
+
+    Raises:
+        KeyedError: Those within the radius do not.
+    """
+    corners = points[faces]
+    shares = closest_shares(place[None], corners)
+    nearest = int(distances(place[None], corners, shares)[1][0].argmin())
+    foot = shares[0, nearest] @ corners[nearest]
+    away = np.linalg.norm(points - foot, axis=1)
+    least = _least(away, holds)
+    table, side = where
+    if radius is not None:
+        found = away <= radius * _EDGE
+        if not holds(found):
+            text = f" = {radius:.6g}: {int(found.sum())} nodes of {side} are within it, too few to "
+            text += "tell how they turn, or held by supports; give "
+            text += f"{1.01 * least:.3g} or more, or finer elements." if least else "another place."
+            raise KeyedError(table, "radius", text)
+        return Region(found, radius, "")
+    if not least:
+        text = f" = {show(side)}: its nodes that no support holds are too few to tell how it turns;"
+        raise KeyedError(table, "between", text + " give finer elements, or another surface.")
+    size = float(np.ptp(points, axis=0).max())
+    wide, rim = SHARE * size, 0.5 * _to_rim(foot, points, faces)
+    for within, why in (
+        (rim, "half way to its nearest edge"),
+        (wide, "a sixth of its size"),
+        (least, "the nearest that tell how it turns"),
+    ):
+        found = away <= within * _EDGE
+        if within <= max(wide, least) and holds(found):
+            return Region(found, within, why)
+    raise AssertionError
+
+
+def _least(away: Floats, holds: Callable[[Booleans], bool]) -> float:
+    """Smallest radius whose nodes tell how they turn [m]; 0 if none does."""
+    tried = np.unique(away)
+    low, high = 0, len(tried)  # more nodes tell whatever fewer did
+    while low < high:
+        middle = (low + high) // 2
+        if holds(away <= tried[middle] * _EDGE):
+            high = middle
+        else:
+            low = middle + 1
+    return float(tried[low]) if low < len(tried) else 0.0
+
+
+def _to_rim(foot: Floats, points: Floats, faces: Integers) -> float:
+    """Distance from the edge of a surface [m]; infinite of a closed one."""
+    several = points.shape[1]  # corners of a face
+    if faces.shape[1] != several:
+        return np.inf
+    sides = np.concatenate([np.delete(faces, k, axis=1) for k in range(several)])
+    each, counts = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
+    rim = points[each[counts == 1]]
+    if not len(rim):
+        return np.inf
+    return float(distances(foot[None], rim, closest_shares(foot[None], rim))[1].min())
+
+
+def triangles(faces: Integers, dim: int) -> Integers:
+    """Lines or triangles of faces with all of their nodes, by corners."""
+    if dim == 2:
+        return faces[:, :2]
+    if faces.shape[1] in {4, 9}:
+        return np.concatenate([faces[:, [0, 1, 2]], faces[:, [1, 3, 2]]])
+    return faces[:, :3]
