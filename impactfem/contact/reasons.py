@@ -60,6 +60,7 @@ def explain(
     able: Booleans,
     chosen: Integers,
     reach: Reach,
+    holding: str,
 ) -> tuple[str, ...]:
     """Count what was chosen and what was left out, by reasons and surfaces."""
     on_asked = outside.touched(asked)
@@ -89,7 +90,7 @@ def explain(
     far = left & ~held & ~away & ~behind
     it = "every obstacle" if len(obstacles) > 1 else f"obstacle {obstacles[0].name!r}"
     if held.any():
-        said.append(f"{counted(held)} are held by joints, or by supports along the normal of {it}")
+        said.append(f"{counted(held)} are held by {holding} along the normal of {it}")
     if away.any():
         said.append(f"{counted(away)} face away from {it}")
     if behind.any():

@@ -110,6 +110,7 @@ def contact_nodes(
     on_asked = outside.touched(asked)
     check_start(name, obstacles, places, fields, on_asked, outside.size)
     fields = replace(fields, held=fields.held | joined)
+    holding = "joints, or by supports" if np.any(joined) else "supports"
 
     if turns:
         nowhere = np.zeros_like(fields.away)
@@ -140,7 +141,7 @@ def contact_nodes(
         nodes,
         np.searchsorted(canonical, numbers[nodes]),
         np.flatnonzero(np.isin(numbers, outside.numbers[others])),
-        explain(outside, asked, real, obstacles, fields, able, chosen, reach),
+        explain(outside, asked, real, obstacles, fields, able, chosen, reach, holding),
     )
 
 
