@@ -93,6 +93,7 @@ from typing import Literal
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.contact.dashpots import DampedLayer
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import Solving, solve
 from impactfem.contact.rooted import Matrix, among, full
@@ -202,6 +203,7 @@ class LayerContact:
             ``held`` places, in layers where a slip turns or ends.
         theta: Weight of f_b; of pairs in groups of their own that furthest from 1/2.
         iterations: Linear systems solved.
+        braked: Work of dashpots beside springs [J], <= 0; their forces are none of the multipliers.
     """
 
     force: Floats
@@ -210,6 +212,7 @@ class LayerContact:
     work: Floats
     theta: float
     iterations: int
+    braked: float = 0.0
 
     def split(self, count: int) -> "tuple[LayerContact, LayerContact]":
         """That of the first pairs, and that of the others; of all pairs twice the same."""
@@ -315,7 +318,7 @@ def _at_speed(layer: Layer, law: Halfway, rule: Rule, how: Solving) -> LayerCont
     work[acting[slow]] = found.work[slow]
     resists = layer.masters != np.arange(len(old))
     work[resists] += (force * place)[resists, 0]
-    return LayerContact(force, multiplier, place, work, found.theta, found.iterations)
+    return LayerContact(force, multiplier, place, work, found.theta, found.iterations, found.braked)
 
 
 def _of_levels(layer: Layer, rule: Rule, how: Solving, near: Floats | None = None) -> LayerContact:
@@ -334,6 +337,7 @@ def _of_levels(layer: Layer, rule: Rule, how: Solving, near: Floats | None = Non
         _scattered(groups, [each.work for each in found]),
         max((each.theta for each in found), key=lambda theta: abs(theta - 0.5)),
         sum(each.iterations for each in found),
+        sum(each.braked for each in found),
     )
 
 
@@ -385,24 +389,41 @@ def _scattered(groups: Sequence[Integers], values: Sequence[Floats]) -> Floats:
     return found
 
 
-def _solve_group(layer: Layer, rule: Rule, how: Solving) -> LayerContact:
+def _solve_group(  # noqa: PLR0915  (a layer is one matter)
+    layer: Layer, rule: Rule, how: Solving
+) -> LayerContact:
     """The same of pairs that answer to each other, but for friction on nodes with mass."""
     old, place_a = layer.before
     response, static, springs = full(layer.response), full(layer.static), layer.springs
-    total, start = 0, old
+    total, start, damped = 0, old, springs is not None and bool(springs.damped.any())
+    acted: dict[float, Floats] = {}  # forces by theta, where dashpots add to those of both ends
     # What belongs to the layer is bounded by its force.
     given = layer.across | (layer.masters != np.arange(len(old)))
 
     def end(theta: float) -> tuple[Floats, Floats]:
         nonlocal total, start
-        offset = layer.free + _times(response, (1.0 - theta) * old)
+        before, base = (1.0 - theta) * old, (1.0 - theta) / theta * old[:, 0]
+        law = DampedLayer.of(springs, old[:, 0], theta) if springs is not None and damped else None
+        if law is not None:
+            base = law.least
+            before[:, 0] = theta * base
+        offset = layer.free + _times(response, before)
         slipped = offset.copy()
         slipped[:, 1:] -= layer.stuck
+        if law is not None:
+            slipped[:, 0] += law.first
         matrix = theta * response + static
-        base = np.where(given, (1.0 - theta) / theta * old[layer.masters, 0], 0.0)
-        start, systems = solve(layer.problem(matrix, slipped, base), start, how)
+        problem = layer.problem(matrix, slipped, np.where(given, base[layer.masters], 0.0))
+        problem = problem if law is None else replace(problem, springs=law)
+        start, systems = solve(problem, start, how)
         total += systems
         place = offset + _times(matrix, start)
+        if law is not None:
+            acted[theta] = before + theta * start
+            new, depth = start.copy(), law.depths(place[:, 0])
+            new[:, 0] = np.where(law.there, law.drawn(depth)[0], start[:, 0])
+            place[:, 0] += depth
+            return new, place
         if springs is not None:
             place[:, 0] += springs.depth(start[:, 0])
         return start, place
@@ -426,10 +447,14 @@ def _solve_group(layer: Layer, rule: Rule, how: Solving) -> LayerContact:
     theta, (new, place) = 0.5, end(0.5)
     if rule != "middle":
         theta, new, place = fixed_point(end, excess, theta, new, place)
-    force = (1.0 - theta) * old + theta * new
+    force, braked = (1.0 - theta) * old + theta * new, 0.0
+    if springs is not None and damped:
+        way = place[:, 0] - place_a[:, 0] - springs.depth(new[:, 0]) + springs.depth(old[:, 0])
+        braked = float((acted[theta] - force)[:, 0] @ way)
+        force = acted[theta]
     work = _work(force, place, place_a)
     work = np.minimum(work, 0.0) if layer.held is None else work
-    return LayerContact(force, new, place, work, theta, total)
+    return LayerContact(force, new, place, work, theta, total, braked)
 
 
 def _with_mass(layer: Layer, how: Solving, near: Floats | None) -> LayerContact:

@@ -6,10 +6,12 @@ force
     F = (U(d_a) - U(d_b)) / w,    U(d) = K d^(p+1) / (p + 1),
 
 so that F w is what the spring gives, to rounding (O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449; of
-one coordinate this is the only such force along the gap).
+one coordinate this is the only such force along the gap). Dashpots (`impactfem.contact.dashpots`)
+add (P(d_b) - P(d_a)) / dt, and never pull.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,8 +65,31 @@ class SpringStep:
         stiffness = np.where(self.there, self.springs.stiffness, 0.0)
         return np.asarray(stiffness * depth**self.springs.exponent)
 
+    @cached_property
+    def loose(self) -> Booleans:
+        """Which are pressed at the start by dashpots too, and may have no force, (gaps,)."""
+        return self.springs.damped & (self.depth > 0.0)
+
+    def braked(self, apart: Floats, force: Floats) -> float:
+        """Work of dashpots [J], by forces of the step [N], (gaps,)."""
+        rows = np.flatnonzero(self.springs.damped & (force > 0.0) | self.loose)
+        if not len(rows):
+            return 0.0
+        more, way = force - self._drawn(apart)[0], apart - self.room
+        return float(more[rows] @ way[rows])
+
     def mean(self, apart: Floats) -> tuple[Floats, Floats]:
         """Forces of the step [N], and what they lose by way [N/m], (gaps,) each."""
+        force, slope = self._drawn(apart)
+        if not self.springs.damped.any():
+            return force, slope
+        after = np.maximum(self.depth - apart, 0.0)
+        (late, more), (early, _) = self.springs.braked(after), self.springs.braked(self.depth)
+        whole = force + late - early
+        return np.maximum(whole, 0.0), np.where(whole > 0.0, slope + more * (after > 0.0), 0.0)
+
+    def _drawn(self, apart: Floats) -> tuple[Floats, Floats]:
+        """The same of springs alone."""
         p = self.springs.exponent
         after = np.maximum(self.depth - apart, 0.0)
         way = apart - self.room
@@ -98,6 +123,11 @@ class SpringStep:
         """Whether nothing presses gaps [m], (gaps,), without forces."""
         return self._least(offset) == 0.0
 
+    @cached_property
+    def _rounding(self) -> float:
+        """Forces that lose digits in differences [N]."""
+        return float(self.springs.braked(self.depth)[0].max(initial=0.0))
+
     def _least(self, offset: Floats) -> float:
         deepest = max(-float(offset.min(initial=0.0)), float(self.depth.max(initial=0.0)))
         return _LEAST * deepest
@@ -119,12 +149,13 @@ class SpringStep:
             mean, slope = self.mean(apart)
             give = 1.0 / np.maximum(slope, _FLAT / own.max())
             give = np.where(there, give, 0.0)
-            force, _, count = obey(give, -np.where(there, apart + give * mean, 0.0))
+            force, gap, count = obey(give, -np.where(there, apart + give * mean, 0.0))
             total, pushes = total + count, force > 0.0
             found = apart - give * (force - mean)
             open_up = np.where(pushes, np.minimum(found, -least), -least)
+            found = np.where(self.loose & ~pushes, gap, found)
             apart = np.where(there, np.where(pressed, found, open_up), 0.0)
-            missed = np.abs(self.mean(apart)[0] - force)[there & pushes]
-            if missed.max(initial=0.0) <= _EXACT * force.max(initial=0.0):
+            missed = np.abs(self.mean(apart)[0] - force)[there & (pushes | self.loose)]
+            if missed.max(initial=0.0) <= _EXACT * max(force.max(initial=0.0), self._rounding):
                 return total
         raise ConvergenceError(f"forces of springs in gaps not found in {_MOST} steps")

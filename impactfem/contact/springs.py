@@ -13,6 +13,7 @@ beyond the work of the force of one end. With p = 1 the spring is a compliance 1
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.friction_newton import Obeying
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding, by_limits
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 _EXACT = 1e-14  # share of the largest force by which the law may be missed
 _LEAST = 1e-12  # share of the deepest gap from which on a spring counts as pressed
@@ -36,25 +40,50 @@ class ContactSprings:
     Attributes:
         stiffness: K of each gap [N/m^p], (gaps,); infinite where there is none.
         exponent: p, (gaps,), at least 1.
+        dashpots: Beside them, c [N s/m], and in proportion to their forces, chi [s/m], (gaps,)
+            each; see `impactfem.contact.dashpots`. None: none.
     """
 
     stiffness: Floats
     exponent: Floats
+    dashpots: tuple[Floats, Floats] | None = None
 
     @property
     def there(self) -> Booleans:
         """Which gaps have one."""
         return np.isfinite(self.stiffness)
 
+    @property
+    def damped(self) -> Booleans:
+        """Which gaps have dashpots too."""
+        if self.dashpots is None:
+            return np.zeros(len(self.stiffness), dtype=bool)
+        viscous, by_force = self.dashpots
+        return (viscous > 0.0) | (by_force > 0.0)
+
     def some(self, rows: Integers) -> "ContactSprings":
         """Those of some gaps."""
-        return ContactSprings(self.stiffness[rows], self.exponent[rows])
+        return self._as(self.stiffness[rows], self.exponent[rows], lambda each: each[rows])
+
+    def over(self, time: float) -> "ContactSprings":
+        """The same with impulses of dashpots told as mean forces over some time [s]."""
+        return self._as(self.stiffness, self.exponent, lambda each: each / time)
 
     def beside(self, more: int) -> "ContactSprings":
         """The same with gaps behind them that have none."""
         none = np.full(more, np.inf)
         stiffness = np.concatenate([self.stiffness, none])
-        return ContactSprings(stiffness, np.concatenate([self.exponent, np.ones(more)]))
+        exponent = np.concatenate([self.exponent, np.ones(more)])
+        return self._as(stiffness, exponent, lambda each: np.pad(each, (0, more)))
+
+    def _as(
+        self, stiffness: Floats, exponent: Floats, dashpot: "Callable[[Floats], Floats]"
+    ) -> "ContactSprings":
+        """Other springs, with what becomes of dashpots."""
+        if self.dashpots is None:
+            return ContactSprings(stiffness, exponent)
+        viscous, by_force = self.dashpots
+        return ContactSprings(stiffness, exponent, (dashpot(viscous), dashpot(by_force)))
 
     def depth(self, force: Floats) -> Floats:
         """How far they are pressed by forces [N]: d [m], (gaps,); 0 where there is none."""
@@ -63,6 +92,29 @@ class ContactSprings:
     def energy(self, force: Floats) -> Floats:
         """What they store then [J], (gaps,)."""
         return force * self.depth(force) / (self.exponent + 1.0)
+
+    def drawn(self, depth: Floats) -> tuple[Floats, Floats]:
+        """Forces of springs pressed by some depths [m], and their slopes [N/m], (gaps,) each."""
+        stiffness = np.where(self.there, self.stiffness, 0.0)
+        force, deep = stiffness * depth**self.exponent, np.where(depth > 0.0, depth, 1.0)
+        slope = self.exponent * np.where(depth > 0.0, force, stiffness * (self.exponent == 1.0))
+        return force, slope / deep
+
+    def braked(self, depth: Floats) -> tuple[Floats, Floats]:
+        """Impulses of dashpots up to some depths [N s], or over time [N], and slopes by depth."""
+        if self.dashpots is None:
+            return np.zeros_like(depth), np.zeros_like(depth)
+        (viscous, by_force), force = self.dashpots, self.drawn(depth)[0]
+        found = viscous * depth + by_force * force * depth / (self.exponent + 1.0)
+        return found, viscous + by_force * force
+
+    def _law(self, depth: Floats) -> tuple[Floats, Floats]:
+        """Forces to be found by depths [m], and their slopes, (gaps,) each."""
+        return self.drawn(depth)
+
+    def _rounding(self, depth: Floats, give: Floats) -> Floats:  # noqa: ARG002
+        """By which these may be missed besides [N], by what gives way then [m/N], (gaps,) each."""
+        return np.zeros_like(depth)
 
     def rest(self, offset: Floats) -> bool:
         """Whether nothing presses gaps [m], (gaps,), without forces."""
@@ -92,20 +144,20 @@ class ContactSprings:
         there, total = self.there, 0
         deepest = -float(offset.min())  # friction may press what is open by itself
         least = max(_TINY, _LEAST * (deepest if deepest > 0.0 else float(offset.max())))
-        stiffness = np.where(there, self.stiffness, 0.0)
         softest = np.where(own > 0.0, _SOFTEST * own, np.inf)
         depth, worst = np.maximum(-offset, least), np.inf
         for _ in range(_MOST):
-            pushed = stiffness * depth**self.exponent
+            pushed, slope = self._law(depth)
             give = np.zeros(len(offset))
-            give[there] = (depth / self.exponent)[there] / pushed[there]
+            give[there] = 1.0 / slope[there]
             give = np.minimum(give, softest)
             force, gap, count = obey(give, np.where(there, depth - give * pushed, 0.0))
             total, pressed = total + count, force > 0.0
             depth = depth + give * (force - pushed)
-            missed = np.where(pressed, np.abs(stiffness * depth**self.exponent - force), 0.0)[there]
+            missed = np.where(pressed, np.abs(self._law(depth)[0] - force), 0.0)[there]
             worst, last = missed.max(initial=0.0), worst
-            fine = worst <= _EXACT * force.max(initial=0.0)
+            lost = self._rounding(depth, give)[there]
+            fine = (missed <= _EXACT * force.max(initial=0.0) + lost).all()
             # Below the tolerance steps go on while they gain.
             fine |= worst > 0.5 * last and (missed * give[there]).max(initial=0.0) <= tolerance
             closing = gap[there & ~pressed].min(initial=0.0)

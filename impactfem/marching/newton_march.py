@@ -332,7 +332,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         begin = interior.surface_displacement
         holds = self._scheme.holds
         may = closed if holds else np.ones(len(before), dtype=bool)
-        room = self._room(last, before)
+        room = self._room(last, before, end - start)
         middle_time = 0.5 * (start + end)
         interior.begin(start, end)
         self._begin_law(end - start)
@@ -372,7 +372,10 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 massive = massive & (force[:, 0] > 0.0)
                 struck = massive & (massive & fresh).any()
                 rest = self._left_behind(force, struck, apart)
-                return Step(directions, force, way, iteration, shift, massive, struck, rest)
+                found = Step(directions, force, way, iteration, shift, massive, struck, rest)
+                if self._pressed is None:
+                    return found
+                return replace(found, braked=self._pressed.braked(apart[:, 0], force[:, 0]))
             free = turned(directions, gaps.relative(interior.linearise()))
             if self._by_mass and not iteration:
                 least = slow(speed[:, 0], (way + free)[:, 0], end - start)
@@ -438,13 +441,13 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self._least[rows] = found
         return np.asarray(np.einsum("jb,jbic->ic", found, answers) / half), 0.0
 
-    def _room(self, last: Floats, before: Floats) -> Floats:
+    def _room(self, last: Floats, before: Floats, step: float) -> Floats:
         """What gaps may close by in a step [m], (gaps,), springs taken up; arguments of `_step`."""
         room = np.zeros(len(before)) if self._scheme.holds else np.maximum(before, 0.0)
         self._pressed = None
         if self._springs is None:
             return room
-        self._pressed = SpringStep.of(self._springs, last, before)
+        self._pressed = SpringStep.of(self._springs.over(step), last, before)
         self._foreseen = np.full(len(before), np.inf)
         return np.where(self._soft, self._pressed.room, room)
 
@@ -479,7 +482,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         shut = normal
         if self._pressed is not None:
             shut = np.where(self._soft, normal - self._foreseen, normal)
-        missed = np.where(pushing > 0.0, np.abs(shut), np.maximum(-normal, 0.0))[may]
+        held = pushing > 0.0 if self._pressed is None else (pushing > 0.0) | self._pressed.loose
+        missed = np.where(held, np.abs(shut), np.maximum(-normal, 0.0))[may]
         worst = float(missed.max(initial=0.0))
         if self._law is None:
             return worst
@@ -509,6 +513,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             may: Gaps in which there may be forces, (gaps,).
         """
         pushes = (force[:, 0] > 0.0) | (self._least[:, 0] > 0.0)
+        if self._pressed is not None:  # dashpots may end forces in springs that are still pressed
+            pushes = pushes | self._pressed.loose
         rows = np.flatnonzero(may & (pushes | (apart[:, 0] < -self.tolerance)))
         found = np.zeros_like(force)
         if self._resisting is not None and not len(rows):

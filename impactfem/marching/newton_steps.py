@@ -23,6 +23,7 @@ class Step:
         struck: Those of them in which nodes arrived with a speed, or others did at once, (gaps,).
         sticks: Gaps that are shut and do not slip, (gaps,); None without static friction.
         turned: Work of moments that resist rolling and spinning [J], (gaps,); 0 without any.
+        braked: Work of dashpots beside springs [J].
     """
 
     directions: Floats
@@ -35,6 +36,7 @@ class Step:
     left: Floats
     sticks: Booleans | None = None
     turned: Floats | float = 0.0
+    braked: float = 0.0
 
 
 class LayerSums:
@@ -48,6 +50,7 @@ class LayerSums:
         friction, obstacles: Work of friction and of moving obstacles on the bodies [J].
         struck: Gaps with impacts between nodes with mass, (gaps,).
         impacts: What impacts have taken, and what rubs in them [J], <= 0.
+        braked: What dashpots beside springs have taken [J], <= 0.
         iterations: Of Newton's method.
     """
 
@@ -56,6 +59,7 @@ class LayerSums:
         self.rubbed, self.slid = np.zeros((gaps, dim * (dim - 1) // 2)), np.zeros(gaps)
         self.friction, self.obstacles, self.iterations = 0.0, 0.0, 0
         self.struck, self.impacts = np.zeros(gaps, dtype=bool), 0.0
+        self.braked = 0.0
 
     def add(self, step: Step, span: float) -> None:
         """A step of so many seconds."""
@@ -64,6 +68,7 @@ class LayerSums:
         self.vectors += span * vectors
         self.obstacles += float((vectors * step.shift).sum())
         self.iterations += step.iterations
+        self.braked += step.braked
         self.struck |= step.struck
         work = step.force * step.way
         rubbing = work[:, 1:].sum(axis=1) + step.turned

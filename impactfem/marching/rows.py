@@ -99,6 +99,7 @@ class Rows:
         gap, force, contact_energy, obstacle_work, friction_work: Of all ranks, (rows,).
         indentation, spring_energy: How far springs in gaps are pressed at most [m], and what all of
             them store [J], (rows,).
+        braked_work: Of dashpots beside these springs [J], <= 0.
         impact: Impulse of impacts between nodes with mass [N s], which is none of the force.
         impact_work: Work of the contact forces between such nodes [J], <= 0.
         largest: Force of the node with the largest [N], (rows,).
@@ -124,6 +125,7 @@ class Rows:
     friction_work: Floats
     indentation: Floats
     spring_energy: Floats
+    braked_work: Floats
     impact: Floats
     impact_work: Floats
     largest: Floats
@@ -149,7 +151,7 @@ class Rows:
         each: list[Any] = [
             sums,
             attitude,
-            *np.zeros((10, rows)),
+            *np.zeros((11, rows)),
             *np.zeros((2, rows), dtype=np.int64),
         ]
         each += [pair_force, pair_gap, pair_impact, np.zeros((rows, rubbing, turns))]

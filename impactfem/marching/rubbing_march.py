@@ -196,7 +196,7 @@ class RubbingMarch(SolidMarch):
         time, share, count = (self.layer + 1) * dt, interior.share, len(gap)
         force, multiplier, static = np.zeros(count), np.zeros(count), np.zeros_like(free)
         old, old_gap, old_tangential, old_place, back = self._earlier(last)
-        state.work, self._true_gap = np.zeros(count), gap
+        state.work, self._true_gap, self._braked = np.zeros(count), gap, 0.0
         self._tangential = self._rubbing_force = np.zeros_like(normals)
         self._slid = None
         taking_part = (old > 0.0) | (contact.multiplier > 0.0) | (gap < -self.tolerance)
@@ -224,7 +224,7 @@ class RubbingMarch(SolidMarch):
                 old_tangential[rows], old_way[rows], None if held is None else held[rows],
                 (fast | ends)[rows], halfway[rows], ends[rows], stuck[rows] > 0.0,
                 poisson[rows], across[rows],
-                None if self._springs is None else self._springs.some(rows), struck[rows],
+                self._giving(rows), struck[rows],
             )  # fmt: skip
             blocks = answers.blocks(rows, directions)
             turns = self._in_turn(
@@ -235,6 +235,7 @@ class RubbingMarch(SolidMarch):
             moments = self._moments(rows, directions)
             solved, sticks = rub(state.law, self._scheme, layer, blocks, share, moments)
             iterations += solved.iterations
+            self._braked = solved.braked
             found, turning = solved.split(len(rows))
             acting = in_space(directions, found.force)
             levels = in_space(directions, found.multiplier)

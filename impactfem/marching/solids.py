@@ -11,7 +11,7 @@ from impactfem.contact.impact_law import Approach
 from impactfem.contact.layer_law import Layer, keeping, solve_layer
 from impactfem.contact.rooted import Matrix, full
 from impactfem.contact.speed_law import Halfway, rebound, returned
-from impactfem.contact.springs import unresolved
+from impactfem.contact.springs import ContactSprings, unresolved
 from impactfem.findings import Finding
 from impactfem.marching.determinacy import Determinacy
 from impactfem.marching.impacts import reached
@@ -105,6 +105,7 @@ class SolidMarch(TimeLoop[Interior]):
         # Along the normals of this layer: others would make work of their turning.
         led = _along(normals, self._obstacle_way(time, half))
         self.rows.obstacle_work[self.layer] = half * float(force @ led)
+        self.rows.braked_work[self.layer] = half * self._braked
         self._end_layer(time, half, interior.surface_displacement + static)
         self.contact = ContactState(multiplier, true, state.multiplier, state.gap, static)
         self._normals = normals
@@ -283,7 +284,7 @@ class SolidMarch(TimeLoop[Interior]):
             self._impulsive = fast
             self.rows.impact[row] = share * self.interior.dt * float(force[fast].sum())
 
-    def _contact_forces(
+    def _contact_forces(  # noqa: PLR0915  (a layer is one matter)
         self, gap: Floats, normals: Floats, way: Floats
     ) -> tuple[Floats, Floats, Floats, int]:
         """Forces of the layer, multipliers at its end and what they do, for free gaps.
@@ -300,7 +301,7 @@ class SolidMarch(TimeLoop[Interior]):
             else (state.multiplier, state.gap)
         )  # fmt: skip
         taking_part = (old > 0.0) | (state.multiplier > 0.0) | (gap < -self.tolerance)
-        self._true_gap = gap
+        self._true_gap, self._braked = gap, 0.0
         if not taking_part.any():
             return force, multiplier, static, 0
         share, iterations = interior.share, 0
@@ -315,7 +316,7 @@ class SolidMarch(TimeLoop[Interior]):
             rows = np.flatnonzero(taking_part)
             self._responses.require(rows)
             response, compliance = self._responses.matrices(rows, normals[rows])
-            springs = None if self._springs is None else self._springs.some(rows)
+            springs = self._giving(rows)
             law = Halfway(
                 (fast | ends)[rows], halfway[rows, None], ends[rows], touching=struck[rows]
             )
@@ -327,6 +328,7 @@ class SolidMarch(TimeLoop[Interior]):
             rule = keeping(self._scheme.rule, springs)
             found = solve_layer(layer, rule, self._how, self._expanding(count)[rows], given)
             iterations += found.iterations
+            self._braked = found.braked
             pushes, levels = found.force[:, 0], found.multiplier[:, 0]
             acting = share * pushes
             true = gap + self._responses.approach(rows, normals, acting, levels)
@@ -350,6 +352,13 @@ class SolidMarch(TimeLoop[Interior]):
             static = self._pressed(rows, normals, multiplier)
         self._true_gap = true
         return force, multiplier, static, iterations
+
+    def _giving(self, rows: Integers) -> ContactSprings | None:
+        """What gives way in some gaps, in a layer of the law."""
+        if self._springs is None:
+            return None
+        layers = 2.0 if self._skips else 1.0
+        return self._springs.some(rows).over(layers * self.interior.dt)
 
     def _struck_law(
         self, law: Halfway, rows: Integers, acts: Booleans, matrix: Matrix

@@ -279,6 +279,7 @@ class TimeLoop[I: Stepper](ABC):
         """Store what the steps of a layer have summed up to."""
         rows, row, self._done = self.rows, self.layer, done
         rows.obstacle_work[row], rows.friction_work[row] = done.obstacles, done.friction
+        rows.braked_work[row] = done.braked
         rows.impact_work[row], rows.impact[row] = done.impacts, done.impulse[done.struck].sum()
         self._impulsive = done.struck
 

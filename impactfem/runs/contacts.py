@@ -229,7 +229,11 @@ class Contacts:
         stiffness[: len(areas)] *= areas
         exponent = self._each(scene, lambda law: law.stiffness_exponent)
         there = stiffness > 0.0
-        return ContactSprings(np.where(there, stiffness, np.inf), np.where(there, exponent, 1.0))
+        springs = np.where(there, stiffness, np.inf), np.where(there, exponent, 1.0)
+        by_force = self._each(scene, lambda law: law.damping * (law.damping_law != "kelvin_voigt"))
+        viscous = self._each(scene, lambda law: law.damping * (law.damping_law == "kelvin_voigt"))
+        viscous[: len(areas)] *= areas
+        return ContactSprings(*springs, (viscous, by_force) if (viscous + by_force).any() else None)
 
     def _each(self, scene: Scene, value: Callable[[Contact], float]) -> Floats:
         """Values of the laws of the gaps, 0 without one, (gaps,)."""

@@ -11,6 +11,9 @@ from impactfem.scene.values import show
 RESTITUTION_LAWS = ("newton", "moreau", "poisson")
 """How impacts that happen together share their impulses; see `docs/friction.md`."""
 
+DAMPING_LAWS = ("kelvin_voigt", "hunt_crossley")
+"""What resists indentation; see `impactfem.contact.dashpots`."""
+
 _WITH_FRICTION = ("tangential_restitution", "rolling_resistance", "spinning_resistance")
 
 
@@ -60,6 +63,18 @@ class Contact:
     )
     stiffness_exponent: float = key(
         Real(at_least=1), "1 of a spring, 1.5 of a ball (Hertz)", default=1.0
+    )
+    damping: float = key(
+        Real(at_least=0),
+        "of what gives way, which never pulls: force over the speed of indentation, or with "
+        "hunt_crossley what multiplies that speed and the force of the stiffness",
+        unit="N s/m (of layers Pa s/m) or s/m",
+        default=0.0,
+    )
+    damping_law: str = key(
+        Choice(DAMPING_LAWS),
+        "a dashpot beside the spring (kelvin_voigt), or F = K d^p (1 + damping d')",
+        default="kelvin_voigt",
     )
     friction_coefficient: float = key(Real(at_least=0), "Coulomb's coefficient", default=0.0)
     static_friction_coefficient: float | None = key(
@@ -122,10 +137,17 @@ class Contact:
         if self.stiffness_exponent != 1.0 and self.stiffness is None:
             text = f" = {show(self.stiffness_exponent)} is that of stiffness: give it too."
             raise KeyedError(self.heading, "stiffness_exponent", text)
+        if self.damping and self.stiffness is None:
+            text = f" = {show(self.damping)} is that of a contact that gives way: give its "
+            text += "stiffness too, or a restitution instead."
+            raise KeyedError(self.heading, "damping", text)
+        if self.damping_law != "kelvin_voigt" and not self.damping:
+            text = f" = {show(self.damping_law)} is the law of damping: give that too."
+            raise KeyedError(self.heading, "damping_law", text)
         for name in ("restitution", "tangential_restitution"):
             if self.stiffness is not None and (value := getattr(self, name)):
                 text = f" = {show(value)} is not available with stiffness, which gives back what "
-                text += "it takes; remove one."
+                text += "it takes; remove one, or say by damping what it loses."
                 raise KeyedError(self.heading, name, text)
 
     def _check_friction(self) -> None:

@@ -173,6 +173,7 @@ class Content:
         ends = {each.name for each in (*self.bodies, *self.obstacles)}
         laws = [law for law in self.laws.each if set(law.between) == ends]
         plain = len(laws) == len(self.contacts) == 1 and laws[0].stiffness_exponent == 1.0
+        plain = plain and not laws[0].damping
         return laws[0].stiffness if plain and not laws[0].friction_coefficient else None
 
     @property

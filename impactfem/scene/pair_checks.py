@@ -62,6 +62,11 @@ def check_springs(scene: Content) -> None:
         names = [side_of(entry)[0] for entry in contact.between]
         for name, other in zip(names, reversed(names), strict=True):
             body = known.get(name)
+            if contact.damping and body in scene.solids:
+                text = f" = {show(contact.damping)}: nodes of {name} that may touch have no mass, "
+                text += "so that no dashpot acts on them; remove it, and give the solid "
+                text += "rayleigh_stiffness."
+                raise KeyedError(f"contact[{index}]", "damping", text)
             if body is None or (body.lined and other not in known):
                 continue
             if body.has_corners and other in cornered and not cornered[other].meets_sides(body):
