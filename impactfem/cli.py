@@ -293,6 +293,27 @@ def _add_measures(command: Callable[..., argparse.ArgumentParser]) -> None:
     spectrum.add_argument(
         "--out", metavar="DIR", type=_folder, help="folder of the tables (default DIR_spectrum)"
     )
+    sweep = command(commands.sweep, scene=None)
+    sweep.add_argument(
+        "--vary", metavar="KEY=A:B:N", action="append", required=True,
+        help="N values from A to B of a key, or key=v1,v2,v3 (repeatable: all combinations)",
+    )  # fmt: skip
+    sweep.add_argument("--jobs", metavar="N", type=int, default=2, help="processes (default 2)")
+    sweep.add_argument(
+        "--figure", dest="figures", metavar="NAME", action="append", default=[],
+        help="place in summary.json, as contact.impulse, or COL.max, .min, .last (repeatable)",
+    )  # fmt: skip
+    sweep.add_argument(
+        "--section", metavar="COL", help='column seen once in a period, or "impacts": their phases'
+    )
+    sweep.add_argument("--period", metavar="T", type=float, default=0.0, help="of it [s]")
+    sweep.add_argument(
+        "--after", metavar="T", type=float, default=0.0, help="time [s] the motion has to settle"
+    )
+    sweep.add_argument(
+        "--out", metavar="DIR", type=_folder,
+        help="folder (default results/NAME_sweep); the same command goes on with what it keeps",
+    )  # fmt: skip
     compare = command(commands.compare)
     compare.add_argument("one", metavar="DIR", type=_folder, help="result folder")
     compare.add_argument("other", metavar="DIR", type=_folder, help="another one")

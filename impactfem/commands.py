@@ -403,6 +403,35 @@ def spectrum(given: argparse.Namespace) -> int:
     return DONE
 
 
+def sweep(given: argparse.Namespace) -> int:
+    """Run a scene at many values of some of its keys."""
+    from impactfem.processes import ranks  # noqa: PLC0415
+    from impactfem.studies.sweep_point import Asked  # noqa: PLC0415
+    from impactfem.studies.sweeping import Axis  # noqa: PLC0415
+    from impactfem.studies.sweeping import sweep as swept  # noqa: PLC0415
+
+    if ranks() > 1:
+        raise SceneError("sweep: starts processes of its own; leave mpirun out, give --jobs N")
+    path, scene = _read(given)
+    folder = given.out or Path("results") / f"{_name(path)}_sweep"
+    asked = Asked(tuple(given.figures), given.section, given.period, given.after)
+    axes = [Axis.parse(text) for text in given.vary]
+    try:
+        found = swept(
+            scene, axes, folder=folder, jobs=given.jobs, asked=asked, extensions=given.extensions,
+            say=say,
+        )  # fmt: skip
+    except InterruptedRunError as error:
+        error.kept = f"what is done is kept in {folder}: the same command goes on"
+        raise
+    found.save(folder)
+    say(f"{len(found.points)} points, {found.failed} without a result; table: {folder}/sweep.csv")
+    if found.failed < len(found.points):
+        return DONE
+    complain(f"no point has a result: {found.points[0].message}")
+    return BAD_INPUT if {point.code for point in found.points} == {BAD_INPUT} else FAILED
+
+
 def compare(given: argparse.Namespace) -> int:
     """Say how far the histories of two result folders are apart."""
     from impactfem.report.table import comparison_table  # noqa: PLC0415

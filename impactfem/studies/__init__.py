@@ -11,31 +11,41 @@ if TYPE_CHECKING:
     from impactfem.studies.hard.cases import Board, hard_cases
     from impactfem.studies.precision import Baseline, work_precision
     from impactfem.studies.study import Study
+    from impactfem.studies.sweep_point import Asked
+    from impactfem.studies.sweeping import Axis, Sweep, sweep
 
 __all__ = [
+    "Asked",
+    "Axis",
     "BarMotion",
     "Baseline",
     "Board",
     "Comparison",
     "Spectrum",
     "Study",
+    "Sweep",
     "compare",
     "hard_cases",
     "solve_ensemble",
+    "sweep",
     "work_precision",
 ]
 
 # Loaded when first used: hard cases and errors of solids need DOLFINx.
 _HOMES = {
+    "Asked": "impactfem.studies.sweep_point",
+    "Axis": "impactfem.studies.sweeping",
     "BarMotion": "impactfem.result.bar_motion",
     "Baseline": "impactfem.studies.precision",
     "Board": "impactfem.studies.hard.cases",
     "Comparison": "impactfem.result.compare",
     "Spectrum": "impactfem.result.spectrum",
     "Study": "impactfem.studies.study",
+    "Sweep": "impactfem.studies.sweeping",
     "compare": "impactfem.result.compare",
     "hard_cases": "impactfem.studies.hard.cases",
     "solve_ensemble": "impactfem.runs.ensemble",
+    "sweep": "impactfem.studies.sweeping",
     "work_precision": "impactfem.studies.precision",
 }
 
