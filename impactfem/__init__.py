@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         SpringNet,
         Wall,
     )
+    from impactfem.simulation import Simulation
     from impactfem.solving import solve
     from impactfem.vibro.integrating import integrate
 
@@ -89,6 +90,7 @@ _HOMES = {
     "optimise": "impactfem.inverse",
     "plan": "impactfem.planning",
     "register": "impactfem.extend",
+    "Simulation": "impactfem.simulation",
     "solve": "impactfem.solving",
 }
 
@@ -141,6 +143,7 @@ __all__ = [
     "Rod",
     "Scene",
     "SceneError",
+    "Simulation",
     "Solid",
     "Solve",
     "SpringNet",

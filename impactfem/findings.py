@@ -26,6 +26,7 @@ CODES: Mapping[str, str] = {
     "joint_open": "a joint does not hold its bodies together",
     "no_estimate": "the error is neither measured nor estimated",
     "not_converged": "a contact problem or a linear system was not solved",
+    "interrupted": "the run ended before its duration",
     "not_finite": "figures are not finite",
     "outside_contact": "nodes without contact unknowns reach an obstacle",
     "meets_nothing": "a body meets nothing",

@@ -216,6 +216,13 @@ class FewInterior(Watched, Meshless):
         """It as joints hold it; see `impactfem.scene.body.BodyKind.takes_joints`."""
         raise NotImplementedError
 
+    def apply(self, body: int, force: Floats, moment: Floats) -> bool:  # noqa: ARG002  (of others)
+        """Hold a force (dim,) [N] and moment (turns,) [N m] from outside on a body's centre.
+
+        Until it is given another one; whether it can.
+        """
+        return False
+
 
 class FewMidpoint(FewInterior):
     """Interior of few degrees of freedom; see `impactfem.marching.layers.Interior`.
@@ -243,6 +250,7 @@ class FewMidpoint(FewInterior):
         self._prepare(0.0)
         self._pushed = self._joined = self._kick = np.zeros_like(self._q)
         self._stretched = np.zeros(2)  # see `_look`
+        self._applied: Floats | None = None  # forces from outside, (d,)
         self.massive = np.ones(len(self._start), dtype=bool)
         self.volatile = np.full(len(self._start), bodies.turning or not self._linear)
 
@@ -296,6 +304,8 @@ class FewMidpoint(FewInterior):
             self.span = span
             self._prepare(self._time)
         self._weight = self.bodies.weights @ self.gravity(start, end)
+        if self._applied is not None:
+            self._weight = self._weight + self._applied
         self._pushed = self._joined = self._kick = np.zeros_like(self._q)
         self._ahead = self._settle(self._v)
 
@@ -332,6 +342,16 @@ class FewMidpoint(FewInterior):
     def displaced(self, q: Floats) -> Floats:
         """Displacements of the contact nodes with some coordinates [m], (count, dim)."""
         return self.bodies.places(q) - self._start
+
+    def apply(self, body: int, force: Floats, moment: Floats) -> bool:
+        """See `FewInterior`; nothing that a moment could turn is asked for one."""
+        if moment.any():
+            return False
+        if self._applied is None:
+            self._applied = np.zeros_like(self._q)
+        own = self.bodies.owner == body
+        self._applied[own] = self.bodies.weights[own] @ force / self.bodies.masses[body]
+        return True
 
     @property
     def linear(self) -> bool:
@@ -455,6 +475,8 @@ class FewMidpoint(FewInterior):
         if self.bodies.load is not None:
             ends = self._time - 0.5 * self.span, self._time + 0.5 * self.span
             work = self.bodies.load(*ends, self._middle(self._ahead), mean) * (end - self._q)
+        if self._applied is not None:
+            work = work + self._applied * (end - self._q)
         self._q, self._v = end, self._ahead + self._kick
         return work
 

@@ -90,6 +90,7 @@ class RigidBodies(Meshless):
         self._rolls = bool(self._roll.any() or self._following.any() or self._rims)
         self._offset = self._following  # from nodes to where they touch
         self._loads = np.zeros((2, len(bodies), 3))
+        self._applied: Floats | None = None  # forces and moments from outside, (2, bodies, 3)
         q, v = (np.array([getattr(e, name) for e in bodies]) for name in ("position", "velocity"))
         self._centre, self._angles = in_space(q[:, :dim]), q[:, dim:].copy()
         self._speed, self._spin = in_space(v[:, :dim]), about_axes(v[:, dim:])
@@ -234,8 +235,20 @@ class RigidBodies(Meshless):
             place = self._centre[k] + 0.5 * dt * mean
             ends = self._time - 0.5 * dt, self._time + 0.5 * dt
             self._loads[:, k] = loads(*ends, place, mean, self._whirl(k))
-        force, moment = self._loads
+        force, moment = self._loads if self._applied is None else self._loads + self._applied
         return dt * (force + self._weight) + self._pushed, dt * moment + self._turned
+
+    def apply(self, body: int, force: Floats, moment: Floats) -> None:
+        """Hold a force and a moment about its centre on a body until it is given others.
+
+        Args:
+            body: Its index.
+            force: [N], (dim,).
+            moment: [N m], (1,) in the plane, (3,) in space.
+        """
+        if self._applied is None:
+            self._applied = np.zeros_like(self._loads)
+        self._applied[:, body] = in_space(force), about_axes(moment)
 
     def _whirl(self, body: int | slice = slice(None)) -> Floats:
         """Mean spins of the layer in space, (3,) or (bodies, 3)."""
@@ -548,6 +561,10 @@ class RigidBodies(Meshless):
         for k, _ in self._driven:
             force, moment = self._loads[:, k]
             work[k] = self._span * float(force @ mean[k] + moment @ self._whirl(k))
+        if self._applied is not None:
+            force, moment = self._applied
+            done = np.einsum("bi,bi->b", force, mean) + np.einsum("bi,bi->b", moment, self._whirl())
+            work += self._span * done
         self._centre = self._centre + self._span * mean
         ways = 0.5 * self._span * (self._spin + self._spin_ahead)
         self._angles = turned_further(self._angles, self._half, ways)

@@ -68,6 +68,11 @@ class RigidMidpoint(Pictured):
         """All that are stepped with it, as joints hold them."""
         return HeldRigid(self._march)
 
+    def apply(self, body: int, force: Floats, moment: Floats) -> bool:  # noqa: ARG002  (it is one)
+        """See `FewInterior`."""
+        self._march.apply(self._at, force, moment)
+        return True
+
     def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
         """Fields at these places now: displacement [m], velocity [m/s], (nodes, dim)."""
         places, rest = self._pictured(self.coordinates), self._pictured(self.bodies.position)

@@ -244,14 +244,26 @@ class TimeLoop[I: Stepper](ABC):
         Raises:
             ConvergenceError: Contact forces were not found, or the numbers are no longer finite.
         """
+        self.begin(observers)
+        while self.layer < self.layers:
+            self.step(observers)
+
+    def begin(self, observers: Sequence[Callable[[Level], None]] = ()) -> None:
+        """Have observers see the initial level, unless the march goes on from another one.
+
+        Raises:
+            ConvergenceError: Its numbers are not finite.
+        """
         if self.layer == 0:
             self._check_finite()
             self._observe(observers, self._start_force)
-        while self.layer < self.layers:
-            force = self._advance()
-            if self.layer % _CHECKED == 0 or self.layer == self.layers:
-                self._check_finite()
-            self._observe(observers, force)
+
+    def step(self, observers: Sequence[Callable[[Level], None]] = ()) -> None:
+        """March one layer; see `run`."""
+        force = self._advance()
+        if self.layer % _CHECKED == 0 or self.layer == self.layers:
+            self._check_finite()
+        self._observe(observers, force)
 
     def _observe(self, observers: Sequence[Callable[[Level], None]], force: Floats) -> None:
         if not observers:

@@ -7,8 +7,10 @@ from impactfem.log import Progress
 from impactfem.planning import MarchNumbers, Plan
 from impactfem.planning.strains import with_strains
 from impactfem.planning.vibration import struck_after_all
+from impactfem.result.snapshots import Snapshots
 from impactfem.runs.error_estimate import estimate_error
 from impactfem.runs.run import Checkpointing, Cost, Run
+from impactfem.runs.solid_rows import SolidsMotion
 from impactfem.runs.solids import run_solids
 from impactfem.scene import Scene
 
@@ -18,12 +20,19 @@ def run(scene: Scene, plan: Plan[MarchNumbers], progress: Progress, saved: Check
     start = time.perf_counter()
     scene = strained(scene, plan)
     motion, fields = run_solids(scene, plan, progress, saved)
-    cost = Cost.since(start)
+    return finished(scene, plan, progress, motion, fields, Cost.since(start))
+
+
+def finished(
+    scene: Scene, plan: Plan[MarchNumbers], progress: Progress, motion: SolidsMotion,
+    fields: Snapshots | None, cost: Cost, *, estimate: bool = True,
+) -> Run:  # fmt: skip
+    """The run of a motion, with an estimate of its error if the plan has one (collective)."""
     effort, used = motion.effort, as_used(scene, plan)
     unknowns = max(1, effort.num_unknowns)
     details = {**effort.details, "memory_per_unknown_kib": cost.memory_mib * 1024 / unknowns}
     errors = None
-    if plan.numbers.estimate and motion.is_finite and effort.converged:
+    if estimate and plan.numbers.estimate and motion.is_finite and effort.converged:
         progress.step("estimating the error on other elements")
         errors, details["error_estimate"] = estimate_error(used, plan, motion)
     effort = replace(effort, details=details)

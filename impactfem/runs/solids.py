@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,6 +71,34 @@ _FIELDS = 1000  # layers of fields that are kept of solids, at most twice as man
 _FRAMES = 150  # layers of fields that are kept of bodies without meshes, at most twice as many
 
 
+@dataclass(frozen=True)
+class Ready:
+    """A march of a scene that is ready to run, with what looks at its levels.
+
+    Attributes:
+        scene: The scene.
+        seen: The march and its observers.
+        few: What marches bodies without meshes.
+        others: These, as files of fields follow them.
+        every: Layers between two that fields are kept of.
+        transfers: What moves mass off contact nodes.
+    """
+
+    scene: Scene
+    seen: Observed
+    few: Sequence[Marched]
+    others: Sequence[Followed]
+    every: int
+    transfers: Sequence[Any]
+
+    def destroy(self) -> None:
+        """Free what it holds (collective)."""
+        self.seen.march.interior.destroy()
+        for transfer in self.transfers:
+            if transfer is not None:
+                transfer.destroy()
+
+
 # The loop looks itself whether numbers are finite.
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def run_solids(
@@ -99,6 +128,19 @@ def run_solids(
             then says so in its effort.
         OutputError: The checkpoint cannot be read or written.
     """
+    ready = prepare(scene, plan, progress, places)
+    try:
+        fields = _march(scene, ready.seen, ready.others, ready.every, saved)
+        motion = solids_motion(ready.seen)
+    finally:
+        ready.destroy()
+    return motion, fields
+
+
+def prepare(
+    scene: Scene, plan: "Plan[MarchNumbers]", progress: Progress, places: Places | None = None
+) -> Ready:
+    """Prepare a march; see `run_solids`."""
     numbers = plan.numbers
     progress.step("meshing and assembling")
     model = solids_model(scene, numbers.degrees, updated=numbers.normals == "updated")
@@ -135,14 +177,10 @@ def run_solids(
             for k, part in enumerate(few, start=len(each))
             for body in followed(part, slice(*loop.offsets[k : k + 2]))
         ]
-        fields = _march(scene, seen, others, every, saved)
-        motion = solids_motion(seen)
-    finally:
+    except BaseException:
         loop.march.interior.destroy()
-        for transfer in transfers:
-            if transfer is not None:
-                transfer.destroy()
-    return motion, fields
+        raise
+    return Ready(scene, seen, few, others, every, transfers)
 
 
 def _every(scene: Scene, layers: int) -> int:
