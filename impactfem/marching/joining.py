@@ -68,7 +68,8 @@ class Joining[P: Stepper](Bodies[P]):
         self._owns = [self.own(k) for k in places]
         # Sums of the first one held.
         self._first = sum(len(part.inertia()) for part in self.parts[: places[0]])
-        ends = np.cumsum([1, *(len(body.freedoms) for body in held)])
+        self._now, self._led = 0.0, joints.ground.count  # stations that are not held
+        ends = np.cumsum([self._led, *(len(body.freedoms) for body in held)])
         self._at = [slice(*both) for both in pairwise(ends)]  # stations of each
         terms, count, each = joints.terms, joints.count, len(joints.joints)
         self._acting = np.zeros(count)
@@ -112,6 +113,7 @@ class Joining[P: Stepper](Bodies[P]):
 
     def _set_out(self, start: float, end: float) -> None:
         """Take up a step between two times; what joints hold is to be solved for."""
+        self._now, self._end = start, end
         self.span = self._states.span = step_length(start, end, self.dt)
         self._time = 0.5 * (start + end)
         for k, part in enumerate(self.parts):
@@ -132,15 +134,17 @@ class Joining[P: Stepper](Bodies[P]):
     def _join(self) -> None:
         """Solve the layer of the bodies that joints hold, with what has pushed so far."""
         joints, terms, dt = self._joints, self._joints.terms, self.span
-        start, spins = self._starts(), _stacked([_STILL, *(body.rates for body in self._held)])
+        start, still = self._starts(), joints.ground.still
+        led = (joints.ground.at(self._end)[0] - start[0][: self._led]) / dt
+        spins = _stacked([(led, still), *(body.rates for body in self._held)])
         begun = self._coordinates(self._terms)
-        offsets = np.where(joints.holding, joints.start, 0.0)
+        offsets = joints.wanted(self._end)[0]
         slid = self._states.slides.copy()
         if joints.redundant:  # what changes have the least of, their sums need not
             self._acting = np.zeros(joints.count)
         for look in range(_MOST):
-            elastic = couples([body.compliance for body in self._held])
-            given = [_STILL, *(body.impulses() for body in self._held)]
+            elastic = couples([body.compliance for body in self._held], self._led)
+            given = [(still, still), *(body.impulses() for body in self._held)]
             self._laws = self._states.laws(begun, self._rates)
             known = (
                 terms.kinds, terms.rows, terms.bodies, terms.arms, terms.axes, terms.across,
@@ -155,7 +159,7 @@ class Joining[P: Stepper](Bodies[P]):
                 why = (
                     "turn too far in a step" if state == FAST else "cannot be held by their joints"
                 )
-                names = ", ".join(joints.names[1:])
+                names = ", ".join(joints.names[self._led :])
                 raise ConvergenceError(
                     f"{names}: bodies {why} at t = {self._time:.6g} s; use a smaller solve.dt, or "
                     "check the joints"
@@ -165,6 +169,7 @@ class Joining[P: Stepper](Bodies[P]):
                 continue  # bodies that moved as wrong states have it could go too far
             self._middles = moving[4]
             pushes = self._wrenches(self._acting)
+            self._drawn = -float((pushes[: self._led, :3] * led).sum())
             jumps = bool(self._states.stops.any())
             settled = [
                 body.take(Motion(jumps, *(each[at] for each in (*moving, pushes))))
@@ -181,9 +186,9 @@ class Joining[P: Stepper](Bodies[P]):
 
     def _starts(self) -> tuple[Floats, Floats]:
         """Places and rotations of all stations at the start of the layer."""
-        joints = self._joints
-        ground = joints.places[:1], joints.turns[:1]
-        return _stacked([ground, *(body.frames for body in self._held)])
+        ground = self._joints.ground
+        led = ground.at(self._now)[0], ground.turns
+        return _stacked([led, *(body.frames for body in self._held)])
 
     def _wrenches(self, acting: Floats) -> Floats:
         """Impulses on the stations by those of the rows (..., rows), (..., stations, 6)."""
@@ -223,7 +228,7 @@ class Joining[P: Stepper](Bodies[P]):
             rates: Of the stations of each body in space by forces for a second, (several, own, 6).
         """
         joints, terms, dt = self._joints, self._joints.terms, self.span
-        moved = np.concatenate([np.zeros((len(rates[0]), 1, 6)), *rates], axis=1)
+        moved = np.concatenate([np.zeros((len(rates[0]), self._led, 6)), *rates], axis=1)
         weighed = self._gradient * terms.shares[:, None, None]
         if self._reaction is None:
             self._reaction = self._reactions(weighed)
@@ -236,8 +241,10 @@ class Joining[P: Stepper](Bodies[P]):
     def _reactions(self, weighed: Floats) -> Floats:
         """Impulses of the rows that take back unit ways of them, (rows, rows)."""
         laws, joints = self._meeting_contact(), self._joints
-        free = np.concatenate([np.zeros((1, 3, 3)), *(body.freedoms for body in self._held)])
-        matrix = self._moving(weighed, free, couples([body.compliance for body in self._held]))
+        still = np.zeros((self._led, 3, 3))
+        free = np.concatenate([still, *(body.freedoms for body in self._held)])
+        elastic = couples([body.compliance for body in self._held], self._led)
+        matrix = self._moving(weighed, free, elastic)
         matrix = 0.5 * self.span * matrix
         scale = sizes_of(matrix)
         matrix = laws[:, :1] * matrix + np.diag(laws[:, 1])
@@ -261,16 +268,18 @@ class Joining[P: Stepper](Bodies[P]):
         """Take rates at the end of the layer that the joints allow, the nearest by energy."""
         joints, terms = self._joints, self._joints.terms
         holding = np.flatnonzero(joints.hard)
-        ground = joints.places[:1], joints.turns[:1]
+        places, speeds = joints.ground.at(self._end)
+        ground, led = (places, joints.ground.turns), np.hstack([speeds, joints.ground.still])
         places, turns = _stacked([ground, *(body.places_ahead for body in self._held)])
         at = joints.values_at(places, turns, self._ends)
         now = at_gradients(terms.kinds, terms.bodies, terms.arms, terms.axes, places, turns, at)
         weighed = np.asarray(now * terms.shares[:, None, None])
-        twists = np.concatenate([np.zeros((1, 6)), *(body.rates_ahead for body in self._held)])
+        twists = np.concatenate([led, *(body.rates_ahead for body in self._held)])
         free = turns @ joints.masses[2] @ turns.swapaxes(1, 2)
-        elastic = couples([body.compliance_ahead for body in self._held])
+        elastic = couples([body.compliance_ahead for body in self._held], self._led)
         matrix = self._moving(weighed, free, elastic)
-        rates = np.zeros(joints.count)
+        wanted = joints.wanted(self._end)[1]
+        rates = -wanted
         np.add.at(rates, terms.rows, np.einsum("tsk,tsk->t", weighed, twists[terms.bodies]))
         acting = np.zeros(joints.count)
         inner = matrix[np.ix_(holding, holding)]
@@ -280,6 +289,7 @@ class Joining[P: Stepper](Bodies[P]):
         np.add.at(pushes, terms.bodies, acting[terms.rows, None, None] * weighed)
         for body, own in zip(self._held, self._at, strict=True):
             body.leave(pushes[own])
+        self._drawn += float(acting @ wanted - (pushes[: self._led] * led).sum())
 
     def _show(self, terms: Floats) -> None:
         """Rates of the rows now, and what columns of joints show."""
@@ -287,7 +297,8 @@ class Joining[P: Stepper](Bodies[P]):
         rows = self._coordinates(terms)
         places, turns = self._starts()
         now = at_gradients(t.kinds, t.bodies, t.arms, t.axes, places, turns, terms)
-        moving = _stacked([_STILL, *(body.rates for body in self._held)])
+        led = joints.ground.at(self._now)[1], joints.ground.still
+        moving = _stacked([led, *(body.rates for body in self._held)])
         self._rates = t.sums(term_rates(now, t.bodies, turns, *moving), joints.count)
         moves = joints.moving >= 0
         self._shown[moves, 0] = rows[joints.moving[moves]] + self._shift[moves]
@@ -317,7 +328,8 @@ class Joining[P: Stepper](Bodies[P]):
     def opened(self) -> dict[str, tuple[float, float]]:
         """How far each joint that does not give way is open now [m], [rad]."""
         joints, terms = self._joints, self._joints.terms
-        off = np.where(joints.hard, np.abs(self._coordinates(self._terms) - joints.start), 0.0)
+        off = np.abs(self._coordinates(self._terms) - joints.wanted(self._now)[0])
+        off = np.where(joints.hard, off, 0.0)
         turns = np.isin(np.arange(joints.count), terms.rows[np.isin(terms.kinds, (DOT, ANGLE))])
         most = np.zeros((2, len(joints.joints)))
         np.maximum.at(most, (turns.astype(int), joints.owner), off)
@@ -333,7 +345,10 @@ class Joining[P: Stepper](Bodies[P]):
         moving = joints.moving[joints.moving >= 0]
         taken[moving] = self._damping[joints.owner[moving]] * way[moving] ** 2 / self.span
         self._shown[:, 4] += np.bincount(joints.owner, taken, len(joints.joints))
-        driven = self._states.driven(way)
+        own = joints.driven[joints.driven >= 0]
+        driven = self._states.driven(way) + float(self._acting[own] @ way[own]) / self.span
+        driven += self._drawn
+        self._now = self._end
         self._show(self._ends)
         self._terms = self._ends
         return self._stored(self._ends), driven
@@ -350,6 +365,7 @@ class Joining[P: Stepper](Bodies[P]):
         own = {
             "joints.acting": self._acting.copy(), "joints.terms": self._terms.copy(),
             "joints.rates": self._rates.copy(), "joints.lost": self._shown[:, 4].copy(),
+            "joints.now": np.array([self._now]),
         }  # fmt: skip
         for k, body in enumerate(self._held):
             own |= {f"joints.{k}.{name}": values for name, values in body.memory().items()}
@@ -360,6 +376,7 @@ class Joining[P: Stepper](Bodies[P]):
         super().remember(memory)
         self._acting, self._terms = memory["joints.acting"].copy(), memory["joints.terms"].copy()
         self._rates, self._shown[:, 4] = memory["joints.rates"].copy(), memory["joints.lost"]
+        self._now = float(memory["joints.now"][0])
         self._states.remember(memory)
         for k, body in enumerate(self._held):
             first = f"joints.{k}."
@@ -379,6 +396,3 @@ def _solved(known: Sequence[Any], joints: Joints) -> Any:
 def _stacked(each: Sequence[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
     first, second = zip(*each, strict=True)
     return np.concatenate(first), np.concatenate(second)
-
-
-_STILL = np.zeros((1, 3)), np.zeros((1, 3))  # rates of the ground

@@ -177,7 +177,7 @@ def joined(
         # Begins as if nothing held it.
         speeds[body] += inverse_mass[body] * impulses[0][body]
     known = np.sqrt(0.5 * dt * known)
-    for iterates in range(1, _MOST + 1):  # noqa: B007  (told at the end)
+    for iterates in range(1, _MOST + 1):
         for body in range(1, count):
             half = 0.25 * dt * (spins[1][body] + whirls[body])
             if not half @ half < _LARGEST * _LARGEST:
@@ -316,7 +316,8 @@ def joined(
                 off_by = max(off_by, np.abs(missing[r]) / room)
         if not np.isfinite(left):
             break
-        if left <= _SETTLED * whole or (
+        # Impulses that were right from the first tell nothing of places, which follow from them.
+        if (iterates > 1 and left <= _SETTLED * whole) or (
             left >= 0.5 * least and (left <= _FINE * whole or off_by <= 1.0)
         ):
             state = FOUND

@@ -112,7 +112,9 @@ class JointedAtRest:
             dt: Step in whose mean motors act first [s].
         """
         self._joints, self._bodies, self._held, self._dt = joints, bodies, held, dt
-        self.name = " and ".join(dict.fromkeys(name.partition("/")[0] for name in joints.names[1:]))
+        self.name = " and ".join(
+            dict.fromkeys(name.partition("/")[0] for name in joints.names[joints.ground.count :])
+        )
         self.start = np.concatenate([*(body.start for body in bodies), np.zeros(joints.count)])
         self.patience = _PATIENCE
         ends = np.cumsum([0, *(len(body.start) for body in bodies)])
@@ -164,7 +166,8 @@ class JointedAtRest:
         """Of all stations, and the ground."""
         joints = self._joints
         each = [at.frames(own) for at, own in zip(self._held, self.split(place), strict=True)]
-        places, turns = zip((joints.places[:1], joints.turns[:1]), *each, strict=True)
+        ground = joints.ground.still, joints.ground.turns  # motions begin at 0
+        places, turns = zip(ground, *each, strict=True)
         return np.concatenate(places), np.concatenate(turns)
 
     def _values(self, places: Floats, turns: Floats) -> tuple[Floats, Floats]:
@@ -182,7 +185,7 @@ class JointedAtRest:
         found = np.zeros((joints.count, len(places), 6))
         for side in range(2):
             np.add.at(found, (t.rows, t.bodies[:, side]), each[:, side] * t.shares[:, None])
-        return found[:, 1:].reshape(joints.count, -1)
+        return found[:, joints.ground.count :].reshape(joints.count, -1)
 
     def _yields(self, tangents: Sequence[Callable[[Floats], Floats]]) -> Floats:
         """Twists of the stations by unit wrenches on them (collective)."""
@@ -284,14 +287,15 @@ class JointedAtRest:
 
     def _turning(self, places: Floats, turns: Floats, forces: Floats) -> Floats:
         """Stiffness of the stations by forces in joints that turn, as far as it holds them."""
-        count = 6 * (len(places) - 1)
+        first = self._joints.ground.count
+        count = 6 * (len(places) - first)
         found, units = np.zeros((count, count)), np.tile([self._reach] * 3 + [1.0] * 3, count // 6)
         if not forces.any():
             return found
         for k in range(count):
             sides = []
             for step in (_STEP, -_STEP):
-                body, way = 1 + k // 6, np.zeros(6)
+                body, way = first + k // 6, np.zeros(6)
                 way[k % 6] = step * units[k]
                 there, turned = places.copy(), turns.copy()
                 there[body] += way[:3]

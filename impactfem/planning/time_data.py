@@ -144,6 +144,12 @@ def _of_forces(scene: Scene, but: str) -> Iterator[Datum]:
         for formula in getattr(body, name, None) or ()
     ]
     given += [(j.name, f"the motor of {j.name}", j.motor) for j in scene.joints if j.motor]
+    for joint in scene.joints:
+        for formula in joint.motion or ():
+            yield Datum(joint.name, f"the motion of {joint.name}", formula, moves=True)
+        if joint.is_driven:
+            what = f"the position of {joint.name}"
+            yield Datum(joint.name, what, joint.position, moves=True)
     for subject, what, formula in given:
         state = dict.fromkeys(formula.used - {"t"}, 1.0)
         yield Datum(subject, what, formula, (state,), but=but)

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from impactfem.scene.boundary import check_sprung
+from impactfem.scene.given import MaybeFormulas
+from impactfem.scene.inline import Formulas
 from impactfem.scene.kinds import Choice, Real
 from impactfem.scene.schema import KeyedError, key, table
 
@@ -49,14 +51,27 @@ class BeamSupport:
     rotational_stiffness: float = key(
         Real(at_least=0), "of an elastic one to rotation", unit="N m", default=0.0
     )
+    motion: MaybeFormulas = key(
+        Formulas(("t",)), "displacement of a clamped or simply supported end along the axes of the "
+        "scene, by a joint BEAM_END, whose columns tell the force that it takes",
+        unit="m", default=None, absent="none",
+    )  # fmt: skip
 
     def _check(self) -> None:
         check_sprung(self, "end", sprung=HOLDS[self.kind][2])
+        if self.motion is not None and not self.holds[0]:
+            text = f' moves an end that is {self.kind}: give kind = "clamped" or '
+            raise KeyedError(self.heading, "motion", f'{text}"simply_supported", or remove it.')
 
     @property
     def holds(self) -> tuple[bool, bool]:
-        """Whether the end stays where it is, and whether its section keeps its direction."""
+        """Whether the end is where it is to be, and whether its section keeps its direction."""
         return HOLDS[self.kind][:2]
+
+    @property
+    def fixes(self) -> tuple[bool, bool]:
+        """The same of what has no motion of its own; what has is held by a joint."""
+        return self.holds if self.motion is None else (False, False)
 
 
 def check_supports(supports: Sequence[BeamSupport], kind: str) -> None:

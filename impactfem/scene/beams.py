@@ -3,17 +3,26 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.scene.beam_supports import BeamSupport, check_supports, first_root
+from impactfem.scene.beam_supports import ENDS, BeamSupport, check_supports, first_root
 from impactfem.scene.body import JOINED, BodyKind, Solver
 from impactfem.scene.flight import Flight
-from impactfem.scene.given import MaybeFormula, Tables
-from impactfem.scene.inline import InlineTable, ListOf, NumberOrVector, Vector
-from impactfem.scene.kinds import Choice, FormulaOf, Integer, Name, Real
+from impactfem.scene.formula import Formula
+from impactfem.scene.given import FormulaOrSome, Tables
+from impactfem.scene.inline import (
+    FormulaOrFormulas,
+    InlineTable,
+    ListOf,
+    NumberOrVector,
+    Vector,
+)
+from impactfem.scene.jets import motion_at
+from impactfem.scene.joints import GROUND, Joint
+from impactfem.scene.kinds import Choice, Integer, Name, Real
 from impactfem.scene.obstacles.base import unit_vector
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
@@ -169,22 +178,34 @@ class Beam(Slender):
         default=None,
         absent="0",
     )
+    quality_factor: float | None = key(
+        Real(above=0), "of the first bending mode: its energy over what it loses in a radian; by "
+        "the mass, of a beam that nothing holds by the stiffness",
+        default=None, absent="none",
+    )  # fmt: skip
     rayleigh: Sequence[float] | None = key(
         Vector((2,)),
         "alpha [1/s] and beta [s] of the damping C = alpha M + beta K; alpha brakes the fall too",
         default=None,
         absent="0",
     )
-    load: MaybeFormula = key(
-        FormulaOf(("t", "x", "u")),
-        "across the axis, in the plane, positive along the axis turned by 90 degrees (up, of a "
-        "beam along x); x from the first end, u the deflection there, of the same sign",
+    load: FormulaOrSome = key(
+        FormulaOrFormulas(("t", "x", "u")),
+        "per length; a formula: across the axis, in the plane, positive along the axis turned by "
+        "90 degrees (up, of a beam along x); a list: along the axes of the scene; x from the "
+        "first end, u the displacement of the axis there along the same direction",
         unit="N/m", default=None, absent="none",
     )  # fmt: skip
 
     def _check(self) -> None:
         _check_angle(self)
         self._check_dimension()
+        for index, support in enumerate(self.supports):
+            if support.motion is not None and len(support.motion) != self.dim:
+                text = (
+                    f" has {len(support.motion)} entries, center has {self.dim}: give {self.dim}."
+                )
+                raise KeyedError(self.kind, f"supports[{index}].motion", text)
         check_supports(self.supports, self.kind)
         self._check_slenderness()
         self._check_damping()
@@ -213,7 +234,47 @@ class Beam(Slender):
     @property
     def has_coordinates(self) -> bool:  # type: ignore[override]
         """Methods of few degrees of freedom take beams that are held in the plane if asked for."""
-        return bool(self.supports) and not self.in_space
+        return bool(self.supports) and not self.in_space and not self.moved_ends
+
+    @property
+    def loads(self) -> tuple[tuple[Floats, Formula], ...]:
+        """Directions (dim,) and loads along them."""
+        if self.load is None or isinstance(self.load, Formula):
+            return () if self.load is None else ((self.frame[1], self.load),)
+        each = zip(np.eye(self.dim), self.load, strict=True)
+        return tuple((along, load) for along, load in each if load.plain != 0.0)
+
+    @property
+    def moved_ends(self) -> tuple[BeamSupport, ...]:
+        """Supports that move."""
+        return tuple(support for support in self.supports if support.motion is not None)
+
+    @property
+    def own_joints(self) -> tuple[Joint, ...]:
+        """Joints by which moved ends are held: they see the ground move."""
+        one, two = self.frame[-2:].tolist()
+        found = []
+        for support in self.moved_ends:
+            turns: dict[str, Any] = {"kind": "fixed"}
+            if not support.holds[1]:
+                turns = {"kind": "revolute"}
+                if self.in_space:  # free to bend, not to turn about its axis
+                    turns = {"kind": "universal", "axis": one, "second_axis": two}
+            place = self.centreline()[ENDS.index(support.end)].tolist()
+            found.append(
+                Joint(
+                    name=f"{self.name}_{support.end}", between=(GROUND, self.name), point=place,
+                    motion=support.motion, **turns,
+                )
+            )  # fmt: skip
+        return tuple(found)
+
+    def end_speeds(self) -> list[tuple[str, Floats]]:
+        """Moved ends and their velocities at t = 0 [m/s], (dim,)."""
+        return [
+            (support.end, np.array([float(motion_at(f, 0.0).rate) for f in support.motion or ()]))
+            for support in self.moved_ends
+        ]
 
     @property
     def along(self) -> Floats:
@@ -316,6 +377,10 @@ class Beam(Slender):
         """(alpha [1/s], beta [s]) of C = alpha M + beta K."""
         if self.rayleigh is not None:
             return self.rayleigh[0], self.rayleigh[1]
+        if self.quality_factor is not None:
+            if self.supports:
+                return self.first_frequency / self.quality_factor, 0.0
+            return 0.0, 1.0 / (self.first_frequency * self.quality_factor)
         return 0.0, 2.0 * (self.damping_ratio or 0.0) / self.first_frequency
 
     def _check_dimension(self) -> None:
@@ -326,9 +391,14 @@ class Beam(Slender):
                 other = "axis and width_axis" if dim == 3 else "inclination"
                 text = f" = {show(getattr(self, name))} does not fit a center of {dim} entries: "
                 raise KeyedError(self.kind, name, f"{text}give {other} there.")
-        if self.load is not None and dim == 3:
-            text = f" = {show(self.load.text)}: it acts in the plane of a beam, of which there are "
-            raise KeyedError(self.kind, "load", f"{text}two in space; give a center of 2 entries.")
+        if isinstance(self.load, Formula) and dim == 3:
+            text = (
+                f" = {show(self.load.plain)}: it acts in the plane of a beam, of which there are "
+            )
+            raise KeyedError(self.kind, "load", f"{text}two in space; give a list of 3 formulas.")
+        if isinstance(self.load, tuple) and len(self.load) != dim:
+            text = f" has {len(self.load)} entries, center has {dim}: give {dim}."
+            raise KeyedError(self.kind, "load", text)
         if self.velocity is not None and len(self.velocity) != dim:
             text = f" = {show(list(self.velocity))} has {len(self.velocity)} entries, center has "
             raise KeyedError(self.kind, "velocity", f"{text}{dim}: give {dim}.")
@@ -357,11 +427,14 @@ class Beam(Slender):
                 )
 
     def _check_damping(self) -> None:
+        given = [n for n in ("rayleigh", "quality_factor", "damping_ratio") if getattr(self, n)]
+        if len(given) > 1:
+            value = getattr(self, given[0])
+            shown = show(list(value) if isinstance(value, tuple) else value)
+            text = f" = {shown} contradicts {given[1]}: remove one of them."
+            raise KeyedError(self.kind, given[0], text)
         if self.rayleigh is None:
             return
-        if self.damping_ratio is not None:
-            text = f" = {show(list(self.rayleigh))} contradicts damping_ratio: remove one of them."
-            raise KeyedError(self.kind, "rayleigh", text)
         if min(self.rayleigh) < 0:
             text = f" = {show(list(self.rayleigh))} feeds energy: give numbers >= 0."
             raise KeyedError(self.kind, "rayleigh", text)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from impactfem.scene.flight import Flight
 from impactfem.scene.probes import MOVES
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
+
+if TYPE_CHECKING:
+    from impactfem.scene.joints import Joint
 
 JOINED = 1e-9
 """Share of places by which a joint may be beside what it holds."""
@@ -97,6 +100,11 @@ class BodyKind:
     def turns_at(self, part: str) -> bool:  # noqa: ARG002  (all alike)
         """Whether it, or a part of a name, turns where joints hold it, and directions with it."""
         return self.turns_in_joints
+
+    @property
+    def own_joints(self) -> tuple["Joint", ...]:
+        """Joints that it brings into its scene."""
+        return ()
 
     @property
     def joint_parts(self) -> tuple[str, ...] | None:

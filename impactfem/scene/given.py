@@ -26,6 +26,9 @@ class Given[Stored, Taken]:
 type FormulaLike = float | str | Formula
 type AFormula = Given[Formula, FormulaLike]
 type MaybeFormula = Given[Formula | None, FormulaLike | None]
+type FormulaOrSome = Given[
+    Formula | tuple[Formula, ...] | None, FormulaLike | Sequence[FormulaLike] | None
+]
 type SomeFormulas = Given[tuple[Formula, ...], Sequence[FormulaLike]]
 type MaybeFormulas = Given[tuple[Formula, ...] | None, Sequence[FormulaLike] | None]
 type Tables[T] = Given[tuple[T, ...], Sequence[T | Mapping[str, Any]]]

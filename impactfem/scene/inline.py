@@ -1,6 +1,6 @@
 """Kinds of values with inner structure: vectors, formulas, inline tables and lists of these."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, override
 
@@ -137,6 +137,32 @@ class Formulas(Kind):
     @override
     def write(self, value: tuple[Formula | None, ...]) -> list[float | str]:
         return ["" if entry is None else entry.plain for entry in value]
+
+
+@dataclass(frozen=True)
+class FormulaOrFormulas(Kind):
+    """A number or formula, or a list of such, one for each direction."""
+
+    type_name: ClassVar[str] = "formula or list of formulas"
+    variables: tuple[str, ...]
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return f"{FormulaOf(self.variables).allowed}, or {Formulas(self.variables).allowed}"
+
+    @override
+    def read(self, value: object) -> Formula | tuple[Formula | None, ...]:
+        several = isinstance(value, Sequence) and not isinstance(value, str)
+        return Formulas(self.variables).read(value) if several else self._one.read(value)
+
+    @property
+    def _one(self) -> FormulaOf:
+        return FormulaOf(self.variables)
+
+    @override
+    def write(self, value: Formula | tuple[Formula | None, ...]) -> Any:
+        return Formulas(self.variables).write(value) if isinstance(value, tuple) else value.plain
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from impactfem.scene.breaks import check_motion
 from impactfem.scene.content import BODIES, Content
 from impactfem.scene.joints import GROUND, JOINTS, Joint
 from impactfem.scene.laws import side_of
@@ -45,12 +46,21 @@ def check_joints(scene: Content) -> None:
             raise KeyedError(where, key, text)
         _check_places(scene, where, joint)
         _check_radius(scene, where, joint)
+        _check_motions(scene, where, joint)
         fixed = [n for n in sorted(joint.bodies & set(bodies)) if not bodies[n].joined_in_steps]
         if fixed and scene.iterated:
             kinds = " and ".join(kind for kind, cls in BODIES.items() if cls.joined_in_steps)
             text = f" = {show(list(joint.between or ()))}: joints hold bodies of kind {kinds} "
             text += f"where {scene.iterated}, but {fixed[0]} is a {bodies[fixed[0]].kind}; model "
             raise KeyedError(where, "between", f"{text}it as one of these, or change that.")
+
+
+def _check_motions(scene: Content, where: str, joint: Joint) -> None:
+    """Refuse motions that jump."""
+    check_motion(where, "motion", joint.motion or (), scene.duration, from_zero=True)
+    if joint.is_driven:
+        unit = joint.kind_of.unit or ""
+        check_motion(where, "position", [joint.position], scene.duration, unit)
 
 
 def _check_turns(scene: Content, where: str, joint: Joint) -> None:

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from impactfem.scene.formula import Formula
-from impactfem.scene.given import MaybeFormula, MaybeTable
-from impactfem.scene.inline import InlineTable, ListOf, Vector
+from impactfem.scene.given import AFormula, MaybeFormula, MaybeFormulas, MaybeTable
+from impactfem.scene.inline import Formulas, InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Choice, FormulaOf, Name, Real, SideName
 from impactfem.scene.laws import side_of
 from impactfem.scene.schema import KeyedError, key, table
@@ -126,7 +126,14 @@ class Joint:
         Vector((3,), nonzero=True), "of a universal joint: that of the second body", default=None,
         absent="any perpendicular one",
     )  # fmt: skip
-    position: float = key(Real(), "its coordinate at t = 0", unit="rad or m", default=0.0)
+    position: AFormula = key(
+        FormulaOf(("t",)), "its coordinate at t = 0, or by a formula of time, which drives it",
+        unit="rad or m", default=0.0,
+    )  # fmt: skip
+    motion: MaybeFormulas = key(
+        Formulas(("t",)), "displacement of the ground where it holds it, from t = 0 on", unit="m",
+        default=None, absent="none",
+    )  # fmt: skip
     limits: Sequence[float] | None = key(
         Vector((2,)), "least and largest coordinate; a distance with limits is free between them",
         unit="rad or m", default=None, absent="none",
@@ -180,9 +187,14 @@ class Joint:
     @property
     def holds(self) -> bool:
         """Whether it is a constraint: a distance with something that acts along it is none."""
-        acting = self.limits is not None or self.motor is not None
+        acting = self.limits is not None or self.motor is not None or self.is_driven
         acting = acting or bool(self.stiffness or self.damping or self.friction)
         return not (self.kind_of.yields and acting)
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether its coordinate is given in time."""
+        return not self.position.is_constant
 
     @property
     def moves(self) -> bool:
@@ -261,13 +273,15 @@ class Joint:
 
     def _check_laws(self) -> None:
         """Refuse laws of a coordinate that there is not, and limits that contradict."""
+        self._check_driven()
         given = [name for name in _ACTING if getattr(self, name)]
+        given += ["position"] * bool(self.position.plain)
         given += [name for name in ("limits", "rest", "motor") if getattr(self, name) is not None]
         if given and self.kind_of.unit is None:
             able = " or ".join(name for name, kind in JOINTS.items() if kind.unit)
             text = f": a {self.kind} joint has no single coordinate; remove it, or take {able}."
             raise self._fail(given[0], text)
-        if self.points is not None and self.position:
+        if self.points is not None and self.position.plain and not self.is_driven:
             raise self._fail("position", ": the coordinate of a distance is its length; remove it.")
         if self.rest is not None and not self.stiffness:
             raise self._fail("rest", " is that of a spring: give stiffness, or remove it.")
@@ -287,14 +301,35 @@ class Joint:
             text = f" leave out the coordinate {at:.6g} of t = 0: widen them, or give position."
             raise self._fail("limits", text)
 
+    def _check_driven(self) -> None:
+        """Refuse motions that do not begin where bodies are, and what acts along a driven one."""
+        if self.motion is not None:
+            if self.between is None or GROUND not in self.between:
+                text = f': it moves the ground; give "{GROUND}" in between, or remove it.'
+                raise self._fail("motion", text)
+            if len(self.motion) != self.dim:
+                text = f" has {len(self.motion)} entries, point has {self.dim}: give {self.dim}."
+                raise self._fail("motion", text)
+        if not self.is_driven:
+            return
+        begin, at = float(self.position(t=0.0)), self.start
+        if not abs(begin - at) <= _BEGINS * abs(at):
+            text = f" is {begin:.6g} at t = 0, where the distance is {at:.6g}: begin there."
+            raise self._fail("position", text)
+        acting = [n for n in (*_ACTING, "limits", "rest", "motor", "soft") if getattr(self, n)]
+        if acting:
+            text = ": position drives the coordinate, whatever else acts along it; remove one."
+            raise self._fail(acting[0], text)
+
     @property
     def start(self) -> float:
         """Its coordinate at t = 0 [rad or m]."""
         if self.points is None:
-            return self.position
+            return float(self.position(t=0.0))
         one, two = (np.asarray(point, dtype=float) for point in self.points)
         return float(np.linalg.norm(two - one))
 
 
-_ACTING = ("position", "restitution", "stiffness", "damping", "friction")
+_ACTING = ("restitution", "stiffness", "damping", "friction")
+_BEGINS = 1e-12  # share of a distance by which its formula may begin elsewhere
 _SQUARE = 1e-9  # cosine by which the axes of a universal joint may lean

@@ -13,6 +13,7 @@ from typing import Any
 from impactfem.scene.grammar import MAX_LENGTH
 from impactfem.scene.inline import (
     MAX_ENTRIES,
+    FormulaOrFormulas,
     Formulas,
     InlineTable,
     ListOf,
@@ -238,6 +239,12 @@ def _(kind: NumberOrList, found: dict[str, Schema]) -> Schema:
 def _(_kind: InertiaKind, _found: dict[str, Schema]) -> Schema:
     above = _NUMBER | {"exclusiveMinimum": 0}
     return {"anyOf": [above, _list(above, 3, 3), _list(_list(_NUMBER, 3, 3), 3, 3)]}
+
+
+@_schema.register
+def _(kind: FormulaOrFormulas, found: dict[str, Schema]) -> Schema:
+    each = FormulaOf(kind.variables), Formulas(kind.variables)
+    return {"anyOf": [_schema(one, found) for one in each]}
 
 
 @_schema.register

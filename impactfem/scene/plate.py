@@ -128,6 +128,11 @@ class Plate(BodyKind):
         "beyond are damped by the stiffness, at the last ratio where the list ends",
         default=None, absent="0",
     )  # fmt: skip
+    quality_factor: float | None = key(
+        Real(above=0), "of the first mode of vibration: its energy over what it loses in a radian; "
+        "by the mass, of a plate that nothing holds by the stiffness",
+        default=None, absent="none",
+    )  # fmt: skip
     theory: str | None = key(
         Choice(tuple(THEORIES)), "thin, or thick with shear and rotary inertia",
         default=None, absent="with shear from a twentieth of the width, but beside balls",
@@ -303,8 +308,9 @@ class Plate(BodyKind):
 
     @property
     def rayleigh_damping(self) -> tuple[float, ...]:
-        """By mass [1/s], stiffness [s] and the ratios of modes."""
-        return self.rayleigh_mass, self.rayleigh_stiffness, *(self.damping_ratio or ())
+        """By mass [1/s], stiffness [s], and the ratios of modes."""
+        each = self.rayleigh_mass, self.rayleigh_stiffness, *(self.damping_ratio or ())
+        return (*each, 1.0 / self.quality_factor) if self.quality_factor else each
 
     @property
     def frame(self) -> tuple[Floats, Floats]:

@@ -119,10 +119,12 @@ def check_damping(owner: Any, where: str) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    for name in ("rayleigh_mass", "rayleigh_stiffness"):
-        if (value := getattr(owner, name)) and owner.damping_ratio is not None:
-            text = f" = {value:g} contradicts damping_ratio: remove one of them."
-            raise KeyedError(where, name, text)
+    names = ("rayleigh_mass", "rayleigh_stiffness", "quality_factor")
+    for k, name in enumerate(names):
+        for other in ("damping_ratio", names[-1])[: 2 - k // 2]:
+            if (value := getattr(owner, name)) and getattr(owner, other) is not None:
+                text = f" = {value:g} contradicts {other}: remove one of them."
+                raise KeyedError(where, name, text)
 
 
 def ply_of(material: Any, thickness: float, density: float, turned: float = 0.0) -> Ply:

@@ -72,6 +72,7 @@ class Scene(Content):
         if self.folder is not None:  # absolute, so that a later change of folder does no harm
             object.__setattr__(self, "folder", _absolute(self.folder))
         self._open_files()
+        self._add_joints()
         if self.gives_way and not self.bars and not any(body.marches_alone for body in self.bodies):
             self._turn_gravity()
         check_scene(self, gravity)
@@ -84,6 +85,25 @@ class Scene(Content):
         if isinstance(self.gravity, PiecewiseConstant):
             along = tuple((0.0 - value,) for value in self.gravity.values)
             object.__setattr__(self, "gravity", PiecewiseVector(self.gravity.times, along))
+
+    def _add_joints(self) -> None:
+        """Add the joints that bodies bring.
+
+        Raises:
+            KeyedError: another one has such a name.
+        """
+        own = self._own_joints
+        for index, joint in enumerate(self.joints):
+            if joint.name in own and joint != own[joint.name]:
+                text = f" = {show(joint.name)} is that of a support that moves: give another."
+                raise KeyedError(f"joint[{index}]", "name", text)
+        given = [joint for joint in self.joints if joint.name not in own]
+        object.__setattr__(self, "joints", (*given, *own.values()))
+
+    @property
+    def _own_joints(self) -> dict[str, Joint]:
+        """Those that bodies bring, by name."""
+        return {joint.name: joint for body in self.bodies for joint in body.own_joints}
 
     def _start_parameters(self) -> None:
         """Let parameters with a key start as the scene has it.
@@ -208,6 +228,9 @@ class Scene(Content):
             data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
         for name in ("contact", "joint", "probe", "parameter", "control", "measure"):
             data[name] = [plain(entry) for entry in data[name]]
+            if name == "joint":
+                own = self._own_joints
+                data[name] = [entry for entry in data[name] if entry["name"] not in own]
             if name in _RARE and not data[name]:
                 del data[name]
         for parameter in data.get("parameter", ()):

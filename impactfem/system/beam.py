@@ -159,7 +159,7 @@ class FreeBeam:
                 offsets.append(normal @ places[k] - level)
         steady = (own.mass @ self.rigid_modes[:, :2] @ pull)[kept]
         mass, stiffness, damping = self.parts.mass, self.parts.stiffness, self.parts.damping
-        load = BeamLoad.of(self.beam, own, kept)
+        load = BeamLoad.of(self.parts)
         if load is not None and load.is_dead:
             steady = steady + load.mean(0.0, 0.0, np.zeros(len(kept)))
         names = [self._names(size)[k] for k in kept]

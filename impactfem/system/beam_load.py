@@ -1,86 +1,94 @@
-"""A load along a beam by formula, as forces on its coordinates.
+"""Loads along a beam by formulas, as forces on its coordinates.
 
-The load p(t, x, u) [N/m] acts across the axis, positive towards its normal n (the axis turned by 90
-degrees), and may go by the deflection u there. Forces are those of the same virtual work, by
-Gauss's rule in each element: F = sum_g w_g p(t, x_g, N_g q) N_g.
+A load p(t, x, u) [N/m] acts along a direction e, across the axis or along an axis of the scene, and
+may go by the displacement u of the axis along it. Forces are those of the same virtual work, by
+Gauss's rule in each element: F = sum_g w_g p(t, x_g, N_g q) N_g, N_g the displacement along e.
 """
 
 from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
-from impactfem.scene.beams import Beam
 from impactfem.scene.breaks import Break
 from impactfem.scene.formula import Formula
 from impactfem.scene.means import mean_of, stops_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-from impactfem.system.beam_matrices import BeamMatrices
+from impactfem.system.beam_parts import BeamParts
 
 _GAUSS = np.polynomial.legendre.leggauss(4)  # in an element: exact of cubic deflections squared
 
 
 @dataclass(frozen=True)
 class BeamLoad:
-    """The load of a beam.
+    """The loads of a beam.
 
     Attributes:
-        formula: In t, x (from the first end) and u.
+        formulas: In t, x (from the first end) and u.
         places: X of Gauss's points [m], (points,).
-        shapes: Deflections there by the coordinates, (points, d).
+        shapes: Displacements there along each load by the coordinates, (loads, points, d).
         weights: [m], (points,).
     """
 
-    formula: Formula
+    formulas: tuple[Formula, ...]
     places: Floats
     shapes: Floats
     weights: Floats
 
     @classmethod
-    def of(cls, beam: Beam, matrices: BeamMatrices, kept: NDArray[np.int64]) -> Self | None:
-        """That of a beam with these coordinates among all; None if it has none."""
-        if beam.load is None:
+    def of(cls, parts: BeamParts) -> Self | None:
+        """Those of a beam; None if it has none."""
+        if not (loads := parts.beam.loads):
             return None
-        nodes = matrices.nodes
+        nodes = parts.nodes
         halves, middles = 0.5 * np.diff(nodes), 0.5 * (nodes[1:] + nodes[:-1])
         places = (middles[:, None] + halves[:, None] * _GAUSS[0]).ravel()
-        shapes = np.array([matrices.section(s)[1, kept] for s in places])
+        moved = np.array([parts.section(s)[: parts.beam.dim] for s in places])
+        shapes = np.array([np.einsum("k,gkd->gd", along, moved) for along, _ in loads])
         weights = (halves[:, None] * _GAUSS[1]).ravel()
-        return cls(beam.load, places - nodes[0], shapes, weights)
+        return cls(tuple(formula for _, formula in loads), places - nodes[0], shapes, weights)
 
     @property
     def is_dead(self) -> bool:
-        """Whether it stays in time, and as the beam bends."""
-        return not self.formula.used & {"t", "u"}
+        """Whether they stay in time, and as the beam bends."""
+        return not any(formula.used & {"t", "u"} for formula in self.formulas)
 
     def mean(self, start: float, end: float, q: Floats, _: Floats | None = None) -> Floats:
         """Mean forces from one time to another at a deflection, (d,).
 
         Raises:
-            KeyedError: The load has no finite value there.
+            KeyedError: A load has no finite value there.
         """
-        bent = self.shapes @ q
-        load = self._mean(start, end, bent)
-        if not np.isfinite(load).all():
-            bad = np.flatnonzero(~np.isfinite(load))
-            where = f"x = {self.places[bad[0]]:.6g} m, t = {start:.6g} s, u = {bent[bad[0]]:.6g} m"
-            text = f" = {show(self.formula.text)} has no finite value at {where}: give one that is "
-            text += "finite wherever the beam may be, or an obstacle that stops it before"
-            raise KeyedError("beam", "load", f"{text}.")
-        return np.asarray((self.weights * load) @ self.shapes)
+        found = np.zeros(self.shapes.shape[2])
+        for formula, shapes in zip(self.formulas, self.shapes, strict=True):
+            bent = shapes @ q
+            load = self._mean(formula, start, end, bent)
+            if not np.isfinite(load).all():
+                bad = np.flatnonzero(~np.isfinite(load))
+                where = f"x = {self.places[bad[0]]:.6g} m, t = {start:.6g} s, u = "
+                where += f"{bent[bad[0]]:.6g} m"
+                text = f" = {show(formula.text)} has no finite value at {where}: give one that is "
+                text += "finite wherever the beam may be, or an obstacle that stops it before"
+                raise KeyedError("beam", "load", f"{text}.")
+            found += (self.weights * load) @ shapes
+        return found
 
-    def _mean(self, start: float, end: float, bent: Floats) -> Floats:
+    def _mean(self, formula: Formula, start: float, end: float, bent: Floats) -> Floats:
         """[N/m], (points,)."""
         with np.errstate(all="ignore"):
             if end > start:
-                load = mean_of(self.formula, start, end, x=self.places, u=bent)
+                load = mean_of(formula, start, end, x=self.places, u=bent)
             else:
                 known: dict[str, Any] = {"t": start, "x": self.places, "u": bent}
-                load = self.formula.of_arrays(known)
+                load = formula.of_arrays(known)
         return load if np.shape(load) == bent.shape else np.broadcast_to(load, bent.shape)
+
+    def stops(self, end: float) -> list[Break]:
+        """Where they change in time, up to an end [s]."""
+        middle = float(self.places[len(self.places) // 2])
+        return [s for f in self.formulas for s in stops_of(f.fixed(x=middle, u=0.0), end)]
 
 
 @dataclass(frozen=True)
@@ -108,8 +116,7 @@ class BeamForces:
 
     def stops(self, end: float) -> list[Break]:
         """Where they change, up to an end [s]."""
-        middle = float(self.load.places[len(self.load.places) // 2])
-        return stops_of(self.load.formula.fixed(x=middle, u=0.0), end)
+        return self.load.stops(end)
 
     @property
     def tangent(self) -> tuple[Floats, Floats]:

@@ -100,7 +100,12 @@ class BeamParts:
         found = np.full(count, self.beam.touches_along)
         found[[0, -1]] = True
         found &= np.abs(self.jacobian).reshape(count, -1).max(axis=1) > 0.0
+        for support in self.beam.moved_ends:
+            found[self._node(support.end)] = False
         return found
+
+    def _node(self, end: str) -> int:
+        return (len(self.nodes) - 1) * ENDS.index(end)
 
     def _nodal(self, q: Floats) -> Floats:
         """Axial displacement, deflection and slope of the nodes in each bending, (k, nodes, 3)."""
@@ -122,8 +127,15 @@ class BeamParts:
 
     @property
     def velocity(self) -> Floats:
-        """Rates at t = 0, rigid but where ends are held, (d,)."""
-        return np.asarray(self.rigid_modes @ self.beam.rates)
+        """Rates at t = 0, rigid but where ends are held or moved, (d,)."""
+        found, frame = self._spread(self.rigid_modes @ self.beam.rates), self.beam.frame
+        for (end, speed), support in zip(self.beam.end_speeds(), self.beam.moved_ends, strict=True):
+            node = self._node(end)
+            firsts = self.starts[: len(self.bending)] + 3 * node
+            found[[3 * node, *(firsts + 1)]] = frame @ speed
+            if support.holds[1]:
+                found[[*(firsts + 2), *(self.starts[len(self.bending) : -1] + node)]] = 0.0
+        return found[self.kept]
 
     @property
     def damping(self) -> Floats:
@@ -204,7 +216,7 @@ def beam_parts(beam: Beam) -> BeamParts:
         firsts = starts[: len(bending)] + 3 * node
         moves, turns = np.array([3 * node, *(firsts + 1)]), firsts + 2
         twists = starts[len(bending) : -1] + node
-        stays, keeps = support.holds
+        stays, keeps = support.fixes
         kept[[*moves, *twists]] &= not stays
         kept[turns] &= not keeps
         stiffness[moves, moves] += support.stiffness

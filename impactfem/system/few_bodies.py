@@ -112,7 +112,7 @@ def _of_rod(rod: Rod) -> Lumped:
 def _of_beam(beam: Beam) -> Lumped:
     parts, dim = beam_parts(beam), beam.dim
     count, size = len(parts.nodes), len(parts.mass)
-    load = BeamLoad.of(beam, parts.bending[0], parts.kept)
+    load = BeamLoad.of(parts)
     none = np.zeros(size)
     dead = none if load is None or not load.is_dead else load.mean(0.0, 0.0, none)
     system: GeneralizedSystem = LinearSystem(

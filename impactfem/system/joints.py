@@ -23,6 +23,7 @@ from impactfem.system.joint_kernels import (
     values,
 )
 from impactfem.system.joint_rows import JointFrame, Rows
+from impactfem.system.moving_ground import MovingGround, drive_at
 from impactfem.system.rigid import in_space
 from impactfem.system.stations import Asked, HasStations, Stations, couples
 
@@ -62,7 +63,8 @@ class Joints:
         joints: As the scene has them.
         parts: Which bodies they hold, by their place among solids and those without meshes, and
             where.
-        names: Bodies of the stations; the first is the ground. "Bodies" below are stations.
+        ground: Its stations, which are the first ones.
+        names: Bodies of the stations, the ground too. "Bodies" below are stations.
         places, turns: Of these at t = 0, (bodies, 3), (bodies, 3, 3).
         speeds, spins: Of these, spins along their axes, (bodies, 3) each.
         masses: Inverse masses (bodies,), 0 of what is not rigid, moments of inertia and their
@@ -73,12 +75,13 @@ class Joints:
         owner: Joint of each row, (rows,).
         holding: Rows that are constraints, (rows,).
         moving: Row of the coordinate of each joint, -1 where it has none, (joints,).
-        rubbing, stopping: Rows of its friction and its limits, likewise.
+        rubbing, stopping, driven: Rows of its friction, its limits and its drive, likewise.
         start: Values of the rows at t = 0, (rows,).
     """
 
     joints: tuple[Joint, ...]
     parts: tuple[tuple[int, Stations], ...]
+    ground: MovingGround
     names: tuple[str, ...]
     places: Floats
     turns: Floats
@@ -92,6 +95,7 @@ class Joints:
     moving: Integers
     rubbing: Integers
     stopping: Integers
+    driven: Integers
     start: Floats
 
     @property
@@ -176,7 +180,18 @@ class Joints:
 
     def shift(self, joint: Joint) -> float:
         """What the coordinate of a joint is more than its row [rad or m]."""
-        return 0.0 if joint.points is not None else joint.position
+        return 0.0 if joint.points is not None else joint.start
+
+    def wanted(self, t: float) -> tuple[Floats, Floats]:
+        """What rows that hold are to be at a time, and their rates, (rows,) each; 0 of others."""
+        rows, rates = np.where(self.holding, self.start, 0.0), np.zeros(self.count)
+        if (self.driven >= 0).any():
+            places, speeds = drive_at([j.position if j.is_driven else None for j in self.joints], t)
+            own = self.driven[self.driven >= 0]
+            shifts = np.array([self.shift(joint) for joint in self.joints])
+            rows[own] = (places - shifts)[self.driven >= 0]
+            rates[own] = speeds[self.driven >= 0]
+        return rows, rates
 
     def rest(self, joint: Joint) -> float:
         """Row at which its spring is not strained [rad or m]."""
@@ -189,7 +204,8 @@ class Joints:
             SceneError: naming the joint, and velocities that fit.
         """
         whirls = np.einsum("bij,bj->bi", self.turns, self.spins)
-        apart, terms = np.where(self.holding, self.rates_now(), 0.0), self.terms
+        wanted, terms = self.wanted(0.0)[1], self.terms
+        apart = np.where(self.holding, self.rates_now() - wanted, 0.0)
         reach = float(np.abs(terms.arms).max())
         largest = np.abs(self.speeds).max() + reach * np.abs(whirls).max()
         turns = terms.rows[np.isin(terms.kinds, (DOT, ANGLE))]
@@ -221,18 +237,18 @@ class Joints:
         turning = whirls + np.einsum("bij,bj->bi", free, pushes[:, 3:])
         for (one, two), moving in zip(*self.elastic, strict=True):
             speeds[one] += (moving @ pushes[two])[:3]
-        dim = joint.dim or 3
+        dim, ground = joint.dim or 3, self.ground.count
         shown = [
             {"velocity": _shown(speed[:dim])}
             | {"angular_velocity": _shown(spin) if dim == 3 else _shown(spin[2:])[1:-1]}
-            for speed, spin in zip(speeds[1:], turning[1:], strict=True)
+            for speed, spin in zip(speeds[ground:], turning[ground:], strict=True)
         ]
         texts = [
             f"{name}: " + ", ".join(f"{key} = {values[key]}" for key in keys)
-            for name, keys, values in zip(self.names[1:], given, shown, strict=True)
+            for name, keys, values in zip(self.names[ground:], given, shown, strict=True)
             if keys
         ]
-        first = 1
+        first = ground
         for _, each in self.parts:
             if each.told is not None:
                 texts.append(each.told(pushes[first : first + len(each.names)]))
@@ -257,21 +273,22 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
     """
     if not scene.joints:
         return None
-    parts, at = _held(scene, bodies)
+    ground = MovingGround(tuple(j.motion for j in scene.joints if j.motion is not None))
+    parts, at = _held(scene, bodies, ground.count)
     each = [stations for _, stations in parts]
-    names = (GROUND, *(name for stations in each for name in stations.names))
-    none, still = np.zeros((1, 3)), np.eye(3)[None]
-    places = np.concatenate([none, *(stations.places for stations in each)])
+    names = (*([GROUND] * ground.count), *(name for stations in each for name in stations.names))
+    still = ground.turns
+    places = np.concatenate([ground.still, *(stations.places for stations in each)])
     turns = np.concatenate([still, *(stations.turns for stations in each)])
-    speeds = np.concatenate([none, *(stations.speeds for stations in each)])
-    spins = np.concatenate([none, *(stations.spins for stations in each)])
+    speeds = np.concatenate([ground.at(0.0)[1], *(stations.speeds for stations in each)])
+    spins = np.concatenate([ground.still, *(stations.spins for stations in each)])
     inertia = np.concatenate([still, *(stations.inertia for stations in each)])
-    light = np.concatenate([np.zeros(1), *(stations.light for stations in each)])
+    light = np.concatenate([np.zeros(ground.count), *(stations.light for stations in each)])
     inverse = np.where((light > 0.0)[:, None, None], np.linalg.inv(inertia), 0.0)
     dim = scene.dim
     turning = {body.name: body.turns_at for body in scene.bodies}
     rows = Rows()
-    moving, rubbing, stopping = (np.full(len(scene.joints), -1) for _ in range(3))
+    moving, rubbing, stopping, driven = (np.full(len(scene.joints), -1) for _ in range(4))
     coordinates: dict[str, int] = {}
     for k, joint in enumerate(scene.joints):
         if joint.between is None:
@@ -283,10 +300,10 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
         for kind, first, second in made.held(dim, turning=all(turn)):
             made.put(rows, rows.add(k, holds=True), kind, first, second)
         coordinates[joint.name] = len(rows.terms)
-        wanted = joint.moves, joint.friction > 0.0, joint.limits is not None
-        for target, asked in zip((moving, rubbing, stopping), wanted, strict=True):
+        wanted = joint.moves, joint.friction > 0.0, joint.limits is not None, joint.is_driven
+        for target, asked in zip((moving, rubbing, stopping, driven), wanted, strict=True):
             if asked:
-                target[k] = rows.add(k, holds=False)
+                target[k] = rows.add(k, holds=target is driven)
                 made.put(rows, int(target[k]), *made.coordinate)
     for k, joint in enumerate(scene.joints):
         if joint.joints is None:
@@ -305,21 +322,22 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
         np.zeros(len(kinds)),
     )  # fmt: skip
     found = Joints(
-        scene.joints, parts, names, places, turns, speeds, spins, (light, inertia, inverse),
-        couples([stations.compliance for stations in each]), terms, np.array(rows.owner),
-        np.array(rows.holding), moving, rubbing, stopping, terms.sums(first, len(rows.owner)),
+        scene.joints, parts, ground, names, places, turns, speeds, spins, (light, inertia, inverse),
+        couples([stations.compliance for stations in each], ground.count), terms,
+        np.array(rows.owner), np.array(rows.holding), moving, rubbing, stopping, driven,
+        terms.sums(first, len(rows.owner)),
     )  # fmt: skip
     found.check_start()
     return found
 
 
 def _held(
-    scene: Scene, every: Sequence[HasStations]
+    scene: Scene, every: Sequence[HasStations], count: int
 ) -> tuple[tuple[tuple[int, Stations], ...], dict[tuple[int, int], int]]:
-    """Systems that joints hold, and stations by joint and side; 0 is the ground."""
+    """Systems that joints hold, and stations by joint and side; the first are the ground's."""
     parts: list[tuple[int, Stations]] = []
-    at: dict[tuple[int, int], int] = {}
-    count = 1
+    moved = [k for k, joint in enumerate(scene.joints) if joint.motion is not None]
+    at = {(k, side): 1 + n for n, k in enumerate(moved) for side in range(2)}
     for place, bodies in enumerate(every):
         sides, asked = [], list[Asked]()
         for k, joint in enumerate(scene.joints):

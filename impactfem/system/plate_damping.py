@@ -14,7 +14,7 @@ from scipy.sparse import csr_matrix
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.scene.plate import Plate
-from impactfem.system.plate_tones import vibrations
+from impactfem.system.plate_tones import first_frequency, vibrations
 
 Answer = Callable[[Floats], Floats]
 """What forces on q do, (d,) or (d, several)."""
@@ -56,6 +56,9 @@ class PlateDamping:
         if not len(ratios):
             none = np.zeros((len(mass), 0))
             by = plate.rayleigh_mass, plate.rayleigh_stiffness
+            if (quality := plate.quality_factor) is not None:
+                first = first_frequency(stiffness, mass)
+                by = (first / quality, 0.0) if plate.supports else (0.0, 1.0 / (first * quality))
             return cls(*by, rates=none[0], squares=none[0], modes=none, momenta=none)
         found, shapes = vibrations(stiffness, mass, len(ratios))
         if len(found) < len(ratios):

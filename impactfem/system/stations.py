@@ -104,17 +104,18 @@ class HasStations(Protocol):
         """What joints hold of bodies at places [m], (3,); see `BodyKind.takes_joints`."""
 
 
-def couples(each: list[Floats]) -> tuple[NDArray[np.int64], Floats]:
+def couples(each: list[Floats], first: int) -> tuple[NDArray[np.int64], Floats]:
     """Couples of stations of which one moves the other, and how.
 
     Args:
         each: Of the systems in order the answers (stations, 6, stations, 6), 0 of rigid bodies.
+        first: Number of stations of the ground.
 
     Returns:
         Numbers of the stations after the ground, (couples, 2); how the first moves by unit
         impulses on the second, (couples, 6, 6).
     """
-    pairs, found, first = [], [np.zeros((0, 6, 6))], 1
+    pairs, found = [], [np.zeros((0, 6, 6))]
     for answer in each:
         if answer.any():
             count = len(answer)

@@ -195,6 +195,8 @@ def _damping(body: Any) -> str:
         parts.append(f"{quantity(body.rayleigh_mass, '1/s')} times the mass")
     if stiff := getattr(body, "rayleigh_stiffness", 0.0):
         parts.append(f"{quantity(stiff, 's')} times the stiffness")
+    if quality := getattr(body, "quality_factor", None):
+        parts.append(f"a quality factor of {number(quality)} for the first mode")
     if ratios := getattr(body, "damping_ratio", None):
         shown = " ".join(number(ratio) for ratio in ratios)
         of = f"first {len(ratios)} modes" if len(ratios) > 1 else "first mode"
