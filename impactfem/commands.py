@@ -41,9 +41,10 @@ def run(given: argparse.Namespace) -> int:
     from impactfem.planning import plan as plan_of  # noqa: PLC0415
     from impactfem.report.table import summary_table  # noqa: PLC0415
     from impactfem.result.occupied import check_free  # noqa: PLC0415
-    from impactfem.result.store import CHECKPOINT, SPOOL  # noqa: PLC0415
+    from impactfem.result.store import CHECKPOINT, PARTIAL, SPOOL  # noqa: PLC0415
     from impactfem.resuming import claimed, clear, kept  # noqa: PLC0415
     from impactfem.runs import RUNNERS  # noqa: PLC0415
+    from impactfem.runs.run import checkpoint_every  # noqa: PLC0415
 
     path, scene, folder = _to_run(given)
     progress = Progress(enabled=rank() == 0 and not given.quiet)
@@ -55,13 +56,15 @@ def run(given: argparse.Namespace) -> int:
         _load_finite_elements()
     stages = progress.stages(RUNNERS[scene.solver].stages)
     place = given.restart or folder
+    keeps = given.restart is not None or checkpoint_every(scene, chosen) > 0.0
     on_root(lambda: check_free(folder, path))
-    with claimed(folder, given.restart), stages, kept(place, bool(scene.output.checkpoint)):
-        result = _solved(scene, chosen, given.restart, folder, progress)
+    with claimed(folder, given.restart), stages, kept(place, keeps):
+        result = _solved(scene, chosen, given.restart, place if keeps else None, progress)
         result = result.with_summary({**result.summary, "run": _record(given, result)})
         progress.step("writing the result")
         on_root(lambda: result.write_data(folder))
         clear(place, CHECKPOINT)
+        clear(place, PARTIAL)
         on_root(lambda: _add_pictures(result, folder, progress))
         clear(place, SPOOL)  # pictures were drawn from it
     if not given.quiet:
@@ -134,14 +137,12 @@ def _to_run(given: argparse.Namespace) -> "tuple[Path | None, Scene, Path]":
 
 
 def _solved(
-    scene: "Scene", chosen: "Plan[Any]", restart: Path | None, folder: Path, progress: "Progress"
-) -> "Result":
-    """Solve a scene as planned, with checkpoints if it asks for them."""
+    scene: "Scene", chosen: "Plan[Any]", restart: Path | None, place: Path | None,
+    progress: "Progress",
+) -> "Result":  # fmt: skip
+    """Solve a scene as planned, with checkpoints in a place if there is one."""
     from impactfem.solving import solve  # noqa: PLC0415
 
-    if not scene.output.checkpoint:
-        return solve(scene, progress=progress, planned=chosen)
-    place = restart or folder
     return solve(scene, progress=progress, planned=chosen, checkpoints=place, restart=restart)
 
 

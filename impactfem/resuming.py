@@ -8,7 +8,7 @@ from impactfem.errors import OutputError, SceneError
 from impactfem.extensions import missing
 from impactfem.processes import on_root, rank
 from impactfem.result.claim import Claim
-from impactfem.result.store import CHECKPOINT, SPOOL
+from impactfem.result.store import CHECKPOINT, PARTIAL, SPOOL
 from impactfem.scene import Scene
 from impactfem.scene.toml import parse_toml
 from impactfem.signals import InterruptedRunError, kept_apart
@@ -83,11 +83,14 @@ def kept(folder: Path, active: bool) -> Iterator[None]:
         if rank() == 0 and not (folder / CHECKPOINT).exists():
             with suppress(OSError):  # fields without a checkpoint are of no use
                 (folder / SPOOL).unlink(missing_ok=True)
+                (folder / PARTIAL).unlink(missing_ok=True)
 
 
 def what_is_kept(folder: Path) -> str:
     """How to go on with a stopped run that has left a checkpoint in its folder."""
-    return f"continue with: impactfem run --restart {folder}"
+    partial = folder / PARTIAL
+    seen = f" (its history so far: {partial})" if partial.exists() else ""
+    return f"continue with: impactfem run --restart {folder}{seen}"
 
 
 def clear(folder: Path, name: str) -> None:

@@ -29,9 +29,10 @@ def solve(
     Args:
         scene: What to model, or the file that says it.
         progress: Told of the stages; silent if None.
-        checkpoints: Folder for checkpoints of a solid every ``output.checkpoint`` steps; it must
-            exist.
-        restart: Folder with the checkpoint from which a solid continues.
+        checkpoints: Folder for checkpoints of what is marched, every ``output.checkpoint`` steps,
+            or without that key every half a minute of runs planned for more than one; it must
+            exist. With the first one, and seldom later, the history so far is written beside it.
+        restart: Folder with the checkpoint from which the march continues.
         planned: The plan of this scene, if it is made already; settings make it anew.
         **settings: Keys of the scene's ``[solve]`` table that replace its own, as
             ``solve(scene, elements=80)``.

@@ -23,6 +23,9 @@ LAST = "summary.json"
 CHECKPOINT = "checkpoint.npz"
 """State of an unfinished run in its folder."""
 
+PARTIAL = "history.partial.csv"
+"""History of an unfinished run beside its checkpoint, for people."""
+
 SPOOL = ".fields.partial.vtkhdf"
 """Fields of an unfinished run beside its checkpoint."""
 

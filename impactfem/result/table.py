@@ -67,6 +67,14 @@ class Table:
         columns, coords = groups
         return xr.Dataset(columns, coords=coords)
 
+    def first(self, rows: int) -> "Table":
+        """The same up to a row, as of slices."""
+        groups = (
+            {n: Series(one.dims, one.values[:rows], one.attrs) for n, one in group.items()}
+            for group in (self.data_vars, self.coords)
+        )
+        return Table(*groups)
+
     @property
     def sizes(self) -> dict[str, int]:
         """Length of each axis."""

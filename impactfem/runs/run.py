@@ -19,6 +19,20 @@ from impactfem.result.table import Table
 from impactfem.result.trajectory import Impacts
 from impactfem.scene import Scene
 
+_LONG, _BETWEEN = 60.0, 30.0  # planned seconds from which runs are checkpointed, and how often
+
+
+def checkpoint_every(scene: Scene, plan: Plan[Any]) -> float:
+    """Planned share of a run between two checkpoints, or their number of time steps.
+
+    Steps from 1 on are those that the scene asks for; less is a share of all; 0: there are none.
+    """
+    if scene.output.checkpoint is not None:
+        return float(scene.output.checkpoint)
+    if not scene.marches or plan.seconds is None or plan.seconds <= _LONG:
+        return 0.0
+    return _BETWEEN / plan.seconds
+
 
 @dataclass(frozen=True)
 class Checkpointing:

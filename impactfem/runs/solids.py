@@ -1,7 +1,10 @@
 """Run the time loop of solids as planned: from the scene to their motions and fields."""
 
+import math
 import tempfile
+import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -24,11 +27,12 @@ from impactfem.marching.rows import Level
 from impactfem.marching.schemes import scheme_of
 from impactfem.marching.wave_bar import WaveBar
 from impactfem.models.solids import solids_model
-from impactfem.result.store import SPOOL
+from impactfem.result.history import write_csv
+from impactfem.result.store import PARTIAL, SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
 from impactfem.runs.loops import Marched, make_loop
 from impactfem.runs.observed import Observed, Observer
-from impactfem.runs.run import Checkpointing
+from impactfem.runs.run import Checkpointing, checkpoint_every
 from impactfem.runs.samples import Places
 from impactfem.runs.solid_output import FieldOutput, Followed, followed
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
@@ -67,6 +71,7 @@ _STEPPERS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
 """The same where steps are solved by iterates."""
 
 _NOWHERE = Checkpointing()
+_SELDOM = 10.0  # seconds between two that the history so far is written
 _FIELDS = 1000  # layers of fields that are kept of solids, at most twice as many
 _FRAMES = 150  # layers of fields that are kept of bodies without meshes, at most twice as many
 
@@ -130,7 +135,10 @@ def run_solids(
     """
     ready = prepare(scene, plan, progress, places)
     try:
-        fields = _march(scene, ready.seen, ready.others, ready.every, saved)
+        own = checkpoint_every(scene, plan)
+        layers = ready.seen.march.layers
+        steps = int(own) if own >= 1.0 else max(1, round(own * layers)) * (own > 0.0)
+        fields = _march(scene, ready.seen, ready.others, (ready.every, steps), saved)
         motion = solids_motion(ready.seen)
     finally:
         ready.destroy()
@@ -190,9 +198,14 @@ def _every(scene: Scene, layers: int) -> int:
 
 
 def _march(
-    scene: Scene, seen: Observed, others: Sequence[Followed], every: int, saved: Checkpointing
-) -> StoredSnapshots | None:
-    """Run the loop with everything that looks at its levels; fields every so many layers."""
+    scene: Scene, seen: Observed, others: Sequence[Followed], often: tuple[int, int],
+    saved: Checkpointing,
+) -> StoredSnapshots | None:  # fmt: skip
+    """Run the loop with everything that looks at its levels.
+
+    Fields are kept, and checkpoints written, every so many layers (0: none).
+    """
+    every, steps = often
     model, march, observers = seen.model, seen.march, seen.observers()
     comm, collector = model.comm, Collector(model.comm, model.own_numbers)
     none = np.zeros((0, model.dim))
@@ -218,8 +231,8 @@ def _march(
         output = FieldOutput(model, collector, seen.loop.gaps, others, (every, march.layers))
         output.open(place, kept)
         observers.append(output)
-    if writer is not None and scene.output.checkpoint:
-        observers.append(_saver(writer, seen, output, scene.output.checkpoint))
+    if writer is not None and saved.folder is not None and steps:
+        observers.append(_saver(writer, seen, output, steps, saved.folder))
     try:
         march.run(observers)
     except ConvergenceError as error:
@@ -232,14 +245,33 @@ def _march(
     return None if place is None else StoredSnapshots(place, passing=passing)
 
 
-def _saver(writer: Checkpoints, seen: Observed, output: FieldOutput | None, every: int) -> Observer:
-    """Make an observer that writes a checkpoint every so many layers."""
-    march = seen.march
+def _saver(
+    writer: Checkpoints, seen: Observed, output: FieldOutput | None, every: int, folder: Path
+) -> Observer:
+    """Make an observer that writes a checkpoint every so many layers.
+
+    With the first one, and then seldom, it writes the history so far, for whoever looks at a run
+    that was killed.
+    """
+    march, comm, written = seen.march, seen.model.comm, [-math.inf]
 
     def save(level: Level) -> None:
-        if level.layer and level.layer % every == 0 and level.layer < march.layers:
-            kept = 0 if output is None else output.count()
-            writer.write(march, {"fields": kept, **seen.state()})
+        if not level.layer or level.layer % every or level.layer >= march.layers:
+            return
+        if seen.touching is not None:
+            seen.touching.sum_up()
+        kept = 0 if output is None else output.count()
+        writer.write(march, {"fields": kept, **seen.state()})
+        now = time.monotonic()
+        if not comm.bcast(now - written[0] >= _SELDOM):
+            return
+        history = solids_motion(seen).history
+        if comm.rank == 0:
+            with suppress(OSError):  # the checkpoint is there, which is what counts
+                # Forces of the last row of explicit steps are known one step later.
+                write_csv(history.first(-1), folder / f".{PARTIAL}")
+                (folder / f".{PARTIAL}").replace(folder / PARTIAL)
+        written[0] = time.monotonic()
 
     return save
 

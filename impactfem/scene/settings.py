@@ -203,10 +203,11 @@ class Output:
         "field output every so many time steps; absent: every one, of long time-stepped runs fewer",
         default=None,
     )
-    checkpoint: int = key(
+    checkpoint: int | None = key(
         Integer(0, 1_000_000_000),
-        "checkpoint every so many time steps (solid), 0 for none",
-        default=0,
+        "checkpoint every so many time steps, 0 for none; absent: every half a minute of what is "
+        "marched for more than one",
+        default=None,
     )
     pictures: bool = key(Switch(), "whether to draw pictures, as PNG files", default=True)
     film: bool | None = key(

@@ -128,6 +128,46 @@ def test_plot_draws_again(disc, command, work):
     assert picture.exists()
 
 
+def test_long_runs_keep_checkpoints_and_history_by_themselves(disc, command, work, monkeypatch):
+    """A plan above the limit; what a stop leaves is the history of a whole run up to there."""
+    from impactfem.marching import solids
+    from impactfem.planning import plan
+    from impactfem.runs import run
+
+    keys = (*QUICK, "--quiet")
+    assert command("run", disc, *keys, "--out", "whole").code == DONE
+    whole, advance = history(work / "whole"), solids.SolidMarch._advance
+    limit = len(whole) // 2
+
+    def stopping(self):
+        if self.layer == limit:
+            raise InterruptedRunError(15)
+        return advance(self)
+
+    assert run.checkpoint_every(Scene.from_toml(disc), plan(Scene.from_toml(disc))) == 0.0
+    monkeypatch.setattr(run, "_LONG", 0.0)
+    monkeypatch.setattr(run, "_BETWEEN", 0.1 * plan(Scene.from_toml(disc)).seconds)
+    with monkeypatch.context() as patch:
+        patch.setattr(solids.SolidMarch, "_advance", stopping)
+        done = command("run", disc, *keys, "--out", "long")
+    assert done.code == 143
+    assert "continue with: impactfem run --restart long" in done.err
+    partial = work / "long" / "history.partial.csv"
+    assert str(partial.name) in done.err
+    found = np.genfromtxt(partial, delimiter=",", skip_header=1)
+    assert 3 < len(found) < limit + 2
+    np.testing.assert_array_equal(found, whole[: len(found)])
+    assert command("run", "--restart", "long", "--quiet").code == DONE
+    np.testing.assert_array_equal(history(work / "long"), whole)
+    assert not partial.exists()
+    assert not (work / "long" / FILE).exists()
+    none = (*keys, "--set", "output.checkpoint=0", "--out", "none")
+    with monkeypatch.context() as patch:
+        patch.setattr(solids.SolidMarch, "_advance", stopping)
+        assert command("run", disc, *none).code == 143
+    assert not (work / "none").exists()
+
+
 @pytest.fixture
 def stopped(disc, command, work, monkeypatch):
     """A folder with the checkpoint of a run that was stopped in its midst, and a whole run."""
