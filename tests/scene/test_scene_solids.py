@@ -69,7 +69,7 @@ def test_defaults():
     assert solid.supports == solid.tractions == solid.pressures == solid.refine == ()
     assert solid.contact_surfaces is None
     assert scene.vector_gravity == scene.gravity == PiecewiseVector((0.0,), ((0.0, 0.0),))
-    assert scene.output == Output(checkpoint=0)
+    assert scene.output == Output(checkpoint=None)
     assert scene.rigid_obstacles == scene.obstacles
     cube = disc(model="3d", shape=Block(size=[1, 1, 1]))
     assert cube.velocity == (zero, zero, zero)
