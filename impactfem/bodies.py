@@ -25,12 +25,14 @@ from impactfem.scene import (
     Support,
     Traction,
 )
+from impactfem.scene.drop import Drop
 from impactfem.scene.signal import Signal
 
 __all__ = [
     "Bar",
     "Beam",
     "BeamSupport",
+    "Drop",
     "EdgeSupport",
     "FacePressure",
     "Formula",

@@ -14,6 +14,7 @@ from impactfem.scene.bodies import Bar
 from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
 from impactfem.scene.control import MAX_CONTROLS, Control
+from impactfem.scene.drop import Drop
 from impactfem.scene.given import Given
 from impactfem.scene.inverse import MAX_MEASURES, MAX_PARAMETERS, Measure, Objective, Parameter
 from impactfem.scene.joints import Joint
@@ -111,6 +112,10 @@ class Content:
     objective: Objective | None = key(
         SettingsKind(Objective, "[objective]"), "what is wanted", default=None,
         absent="the misfits of all measures with data",
+    )  # fmt: skip
+    drop: Drop | None = key(
+        SettingsKind(Drop, "[drop]"), "a fall at whose end the scene starts", default=None,
+        absent="none",
     )  # fmt: skip
     solve: Solve = key(SettingsKind(Solve, "[solve]"), "how to solve", default=Solve())
     output: Output = key(SettingsKind(Output, "[output]"), "what to write", default=Output())

@@ -2,7 +2,8 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from copy import deepcopy
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -13,6 +14,7 @@ from impactfem.scene.contacts import Contact
 from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, Content
 from impactfem.scene.control import MAX_CONTROLS, Control, acted, named_histories
 from impactfem.scene.crosschecks import check_scene
+from impactfem.scene.drop import Drop, dropped
 from impactfem.scene.grammar import naming
 from impactfem.scene.inline import plain
 from impactfem.scene.inverse import (
@@ -79,6 +81,28 @@ class Scene(Content):
         self._start_parameters()
         if not self.bars and not isinstance(self.gravity, PiecewiseVector):
             object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * self.dim,)))
+        if self.drop is not None:
+            self._fall(self.drop)
+
+    def _fall(self, drop: Drop) -> None:
+        """Start where a drop ends.
+
+        Raises:
+            SceneError: It cannot fall so.
+        """
+        given = self.to_dict()
+        placed = type(self).from_dict(dropped(self, drop), base=self.folder)
+        known = {entry.name for entry in fields(self)}
+        for name in {*vars(self)} - known:  # cached of what was drawn
+            del self.__dict__[name]
+        for name in ("bodies", "joints", "probes"):
+            object.__setattr__(self, name, getattr(placed, name))
+        object.__setattr__(self, "drop", None)
+        self.__dict__["_given"] = given
+
+    def given(self) -> dict[str, Any]:
+        """The tables that settings change: those of `to_dict`, before a drop if there was one."""
+        return deepcopy(self.__dict__.get("_given")) or self.to_dict()
 
     def _turn_gravity(self) -> None:
         """Give bars that the march takes gravity along their axis: a number is towards the wall."""
@@ -171,7 +195,7 @@ class Scene(Content):
 
         Args:
             data: keys ``title, duration, gravity, start, body, obstacle, contact, joint, probe,
-                parameter, control, measure, objective, solve, output``.
+                parameter, control, measure, objective, drop, solve, output``.
             base: folder where relative mesh paths start.
 
         Raises:
@@ -216,7 +240,9 @@ class Scene(Content):
             values["probe"] = read_objects(values["probe"], "probe", Probe, MAX_PROBES, 0)
         if "measure" in values:
             values["measure"] = read_objects(values["measure"], "measure", Measure, MAX_MEASURES, 0)
-        for name, settings in (("objective", Objective), ("solve", Solve), ("output", Output)):
+        for name, settings in (
+            ("objective", Objective), ("drop", Drop), ("solve", Solve), ("output", Output),
+        ):  # fmt: skip
             if name in values:
                 values[name] = from_table(settings, values[name], name)
         return values
@@ -236,7 +262,11 @@ class Scene(Content):
         for parameter in data.get("parameter", ()):
             if "key" in parameter:  # its value stands there
                 parameter.pop("start", None)
-        asked = {} if self.objective is None else {"objective": plain(self.objective)}
+        asked = {
+            name: plain(table)
+            for name, table in (("objective", self.objective), ("drop", self.drop))
+            if table is not None
+        }
         return data | asked | {"solve": plain(self.solve), "output": plain(self.output)}
 
     def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
@@ -295,7 +325,7 @@ class Scene(Content):
         if not isinstance(settings, Mapping):
             texts = [settings] if isinstance(settings, str) else settings
             settings = dict(parse_assignment(text) for text in texts)
-        data = self.to_dict()
+        data = self.given()
         for path, value in settings.items():
             try:
                 assign(data, str(path), value)

@@ -331,7 +331,7 @@ def _rank(heading: str) -> int:
     )  # fmt: skip
     others = (
         "[[obstacle]]", "[[contact]]", "[[joint]]", "[[probe]]", "[[parameter]]", "[[control]]",
-        "[[measure]]", "[objective]", "[solve]", "[output]",
+        "[[measure]]", "[objective]", "[drop]", "[solve]", "[output]",
     )  # fmt: skip
     order = (TOP, *bodies, *others, *inline)
     return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

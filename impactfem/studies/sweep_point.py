@@ -5,7 +5,6 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,6 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, FolderError, ImpactError, MeshError, SceneError
 from impactfem.scene import Scene
-from impactfem.scene.toml import parse_toml
 from impactfem.scene.values import show
 
 if TYPE_CHECKING:
@@ -174,7 +172,7 @@ def main() -> None:
     for extension in sys.argv[1:]:
         load(extension)
     head = json.loads(sys.stdin.readline())
-    scene = Scene.from_dict(parse_toml(head["scene"], "sweep"), base=Path("/"))
+    scene = Scene.from_dict(json.loads(head["scene"]), base=head["folder"] or None)
     asked = Asked(**head["asked"] | {"figures": tuple(head["asked"]["figures"])})
     for line in sys.stdin:
         point = run_point(scene, json.loads(line), asked)

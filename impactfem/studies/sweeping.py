@@ -192,7 +192,7 @@ def sweep(
     )  # fmt: skip
     asked = asked or Asked()
     settings = _checked(scene, axes, jobs)
-    text = scene.to_toml(Path("/"))
+    text = json.dumps(scene.given())
     kept = _Kept.of(folder, [text, [vars(axis) for axis in axes], vars(asked)])
     found = dict(kept.points)
     left = [k for k in range(len(settings)) if k not in found]
@@ -320,7 +320,10 @@ def _run(
         for index, settings in points:
             yield index, run_point(scene, settings, asked)
         return
-    team, here = _Team({"scene": text, "asked": vars(asked)}, extensions), threading.local()
+    team, here = (
+        _Team({"scene": text, "folder": str(scene.folder or ""), "asked": vars(asked)}, extensions),
+        threading.local(),
+    )
 
     def run(settings: dict[str, Any]) -> Point:
         worker = getattr(here, "worker", None)

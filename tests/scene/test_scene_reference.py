@@ -5,6 +5,7 @@ from dataclasses import fields
 
 from impactfem import scene as language
 from impactfem.scene import Bar, Output, Scene, Solid, Solve, Support, describe
+from impactfem.scene.drop import Drop
 from impactfem.scene.schema import TableDoc, keys_of
 
 TABLES = {
@@ -31,6 +32,7 @@ TABLES = {
     "[[control]]": language.Control,
     "[[measure]]": language.Measure,
     "[objective]": language.Objective,
+    "[drop]": Drop,
     "[solve]": Solve,
     "[output]": Output,
     "supports = [{ ... }]": Support,
@@ -92,6 +94,7 @@ def test_every_table_and_key_is_described():
         "control",
         "measure",
         "objective",
+        "drop",
         "solve",
         "output",
     ]

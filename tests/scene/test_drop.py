@@ -1,0 +1,124 @@
+"""Drops: scenes that start at first touch, equal to the same scene said by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+import impactfem
+from impactfem import Scene
+from impactfem.errors import SceneError
+
+FLOOR = {"kind": "half_space", "name": "floor", "point": [0.0, -1.0], "normal": [0.0, 1.0]}
+BOX = {"kind": "rigid", "name": "box", "model": "2d", "density": 100.0,
+       "shape": {"kind": "block", "size": [0.3, 0.2], "corner": [0.1, 0.4]}}  # fmt: skip
+BALL = {"kind": "point", "name": "ball", "mass": 0.5, "position": [0.25, 0.9], "radius": 0.1}
+DISC = {"kind": "solid", "name": "disc", "model": "plane_strain", "density": 1000.0,
+        "youngs_modulus": 1e6, "poisson_ratio": 0.3, "mesh_size": 0.02,
+        "shape": {"kind": "disc", "radius": 0.05, "center": [0.0, 0.3]}}  # fmt: skip
+G = 9.81
+
+
+def scene(*bodies, gravity=(0.0, -G), obstacles=(FLOOR,), duration=0.02, **more):
+    return Scene.from_dict(
+        {"title": "drop", "duration": duration, "gravity": list(gravity), "body": list(bodies),
+         "obstacle": list(obstacles), "output": {"fields": []}, "solve": {"estimate": False}} | more
+    )  # fmt: skip
+
+
+def test_a_box_on_its_corner_is_that_said_by_hand():
+    """Turned by 0.4 about its middle: half its height is a sin + b cos."""
+    found = scene(BOX, drop={"height": 0.8, "orientation": {"angle": 0.4}})
+    high = 0.15 * math.sin(0.4) + 0.1 * math.cos(0.4)
+    corner = [0.1, -1.0 + high - 0.1]
+    by_hand = BOX | {"angle": 0.4, "velocity": [0.0, -math.sqrt(2 * G * 0.8)],
+                     "shape": BOX["shape"] | {"corner": corner}}  # fmt: skip
+    one, other = impactfem.solve(found), impactfem.solve(scene(by_hand))
+    for name, column in one.history.items():
+        scale = max(1e-9, float(np.abs(np.nan_to_num(other.history[name].values)).max()))
+        assert np.allclose(column.values, other.history[name].values, rtol=0.0,
+                           atol=1e-9 * scale, equal_nan=True), name  # fmt: skip
+    assert one.history["contact_impulse"].values[1:3].max() > 0.0
+    assert found.bodies[0].velocity == pytest.approx([0.0, -math.sqrt(2 * G * 0.8)], rel=1e-15)
+
+
+def test_all_bodies_turn_together_with_probes_and_joints():
+    joint = {"name": "rope", "kind": "fixed", "between": ["box", "ball"], "point": [0.25, 0.9]}
+    probe = {"name": "edge", "body": "box", "point": [0.4, 0.5]}
+    found = scene(BOX, BALL, joint=[joint], probe=[probe],
+                  drop={"height": 0.0, "orientation": {"angle": math.pi / 2}})  # fmt: skip
+    box, ball = found.bodies
+    # The middle of [0.1, 0.4] x [0.4, 1.0] is (0.25, 0.7): the box comes to its right.
+    assert np.array(ball.position) - box.center == pytest.approx([-0.4, 0.0], abs=1e-12)
+    assert box.angle == pytest.approx(math.pi / 2)
+    assert box.center[1] == pytest.approx(-1.0 + 0.15)
+    assert ball.position[1] == pytest.approx(-1.0 + 0.15)
+    assert np.array(found.joints[0].point) - box.center == pytest.approx([-0.4, 0.0], abs=1e-12)
+    assert np.array(found.probes[0].point) - box.center == pytest.approx([0.0, 0.15], abs=1e-12)
+
+
+def test_along_tilted_gravity_onto_a_hollow_and_in_space():
+    """A ball in a bowl: centre at R - r from its middle, along the way of the fall."""
+    bowl = {"kind": "sphere", "name": "bowl", "center": [0.0, 0.0], "radius": 1.0, "side": "inside"}
+    ball = BALL | {"position": [0.2, 0.1]}
+    found = scene(ball, gravity=[3.0, -4.0], obstacles=[bowl], drop={"height": 0.4})
+    at = np.array(found.bodies[0].position)
+    assert np.linalg.norm(at) == pytest.approx(0.9, rel=1e-12)
+    assert (at - [0.2, 0.1]) @ [0.8, 0.6] == pytest.approx(0.0, abs=1e-12)
+    assert found.bodies[0].velocity == pytest.approx([0.6 * 2.0, -0.8 * 2.0], rel=1e-12)
+    can = {"kind": "rigid", "name": "can", "mass": 1.0,
+           "shape": {"kind": "cylinder", "radius": 0.1, "height": 0.4}}  # fmt: skip
+    floor = FLOOR | {"point": [0.0, 0.0, -2.0], "normal": [0.0, 0.0, 1.0]}
+    turned = {"axis": [1.0, 0.0, 0.0], "angle": 0.3}
+    found = scene(can, gravity=[0.0, 0.0, -G], obstacles=[floor],
+                  drop={"height": 0.0, "orientation": turned})  # fmt: skip
+    body = found.bodies[0]
+    axis = body.rotation @ (body.form.axis if body.form.axis.any() else np.array([0, 0, 1.0]))
+    lowest = 0.2 * abs(axis[2]) + 0.1 * math.sqrt(1.0 - axis[2] ** 2)
+    assert body.center[2] == pytest.approx(-2.0 + lowest, abs=1e-6)
+
+
+def test_a_solid_falls_as_a_solid_with_that_speed():
+    found = impactfem.solve(scene(DISC, drop={"height": 0.05}, duration=0.002))
+    by_hand = DISC | {"velocity": [0.0, -math.sqrt(2 * G * 0.05)],
+                      "shape": DISC["shape"] | {"center": [0.0, -0.95]}}  # fmt: skip
+    other = impactfem.solve(scene(by_hand, duration=0.002))
+    force = other.history["contact_force"].values
+    assert force.max() > 0.0
+    assert found.history["contact_force"].values == pytest.approx(force, abs=1e-6 * force.max())
+
+
+def test_settings_change_the_drop_and_files_hold_what_came_of_it(tmp_path):
+    found = scene(BOX, drop={"height": 0.8})
+    higher = found.with_settings({"drop.height": 3.2})
+    assert higher.bodies[0].velocity == pytest.approx([0.0, -math.sqrt(2 * G * 3.2)])
+    assert higher.bodies[0].shape.corner == pytest.approx(found.bodies[0].shape.corner)
+    path = tmp_path / "scene.toml"
+    path.write_text(found.to_toml())
+    assert Scene.from_toml(path) == found
+    from impactfem.studies import sweep
+
+    heights = sweep(found, {"drop.height": [0.2, 0.8]}, jobs=1).column("max_impulse")
+    assert heights[1] == pytest.approx(2.0 * heights[0], rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"gravity": [0.0, 0.0]}, "without a constant gravity"),
+        ({"obstacle": []}, "no obstacle to fall onto"),
+        ({"gravity": [0.0, G]}, "meet no obstacle"),
+        ({"drop": {"height": -1.0}}, "must be >= 0"),
+        ({"drop": {}}, "height is missing"),
+        ({"drop": {"height": 1.0, "orientation": {"axis": [1, 0, 0], "angle": 0.1}}}, "about z"),
+        ({"obstacle": [FLOOR | {"motion": ["0", "0.1*t"]}]}, "floor moves"),
+        ({"joint": [{"name": "j", "kind": "revolute", "between": ["ground", "box"],
+                     "point": [0.2, 0.5]}]}, "what is held does not fall"),
+        ({"body": [{"kind": "rod", "name": "rod", "mass": 1.0, "length": 0.6,
+                    "center": [0.0, 0.5]}]}, "is a rod"),
+    ],
+)  # fmt: skip
+def test_drops_without_sense_are_refused(change, words):
+    tables = scene(BOX).to_dict() | {"drop": {"height": 0.5}}
+    with pytest.raises(SceneError, match=words):
+        Scene.from_dict(tables | change)
