@@ -44,6 +44,8 @@ class ElasticForms:
         across: Strain across a plane-stress body over the trace of that in its plane,
             -nu / (1 - nu); 0 for the others.
         thickness: [m], of plane models.
+        kept: 1 in cells that keep their volume in the mean, 0 in others, of bodies with both; None:
+            all cells are alike.
     """
 
     space: Any
@@ -54,6 +56,7 @@ class ElasticForms:
     shear_modulus: Any
     across: Any = 0.0
     thickness: Any = 1.0
+    kept: Any = None
 
     @property
     def weight(self) -> Any:
@@ -82,9 +85,12 @@ class ElasticForms:
 
     @property
     def deviatoric_stiffness(self) -> Any:
-        """The stiffness without its lambda term, for bodies with a mean dilatation."""
+        """The stiffness without its lambda term, where the dilatation counts in the mean."""
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
         density = 2.0 * self.shear_modulus * ufl.inner(self.strain(u), self.strain(v))
+        if self.kept is not None:
+            local = (1.0 - self.kept) * self.first_lame
+            density += local * self.dilatation(u) * self.dilatation(v)
         return density * self.weight * self._dx(self._degree)
 
     def mean_dilatation(self, dilatations: Any) -> tuple[Any, Any]:
@@ -99,7 +105,11 @@ class ElasticForms:
             ufl.TestFunction(dilatations),
         )
         dx = self._dx(self._degree)
-        return q * self.dilatation(u) * self.weight * dx, q * p / self.first_lame * self.weight * dx
+        # Where it does not count 1 stands for lambda, which may be 0 there.
+        first, squares = self.first_lame, q * p
+        if self.kept is not None:
+            q, first = self.kept * q, self.kept * first + (1.0 - self.kept)
+        return q * self.dilatation(u) * self.weight * dx, squares / first * self.weight * dx
 
     def surface_load(self, values: Any, tags: Any, direction: Any = None) -> Any:
         """Bilinear form of a load on the facets tagged 1, in the load's values [Pa].

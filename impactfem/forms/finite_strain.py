@@ -29,11 +29,13 @@ class Moduli(NamedTuple):
         first_lame: lambda of small strains.
         shear_modulus: mu of small strains.
         c01: Of Mooney's and Rivlin's law.
+        linear: 1 in cells whose law is linear, 0 in others, for bodies with both.
     """
 
     first_lame: Any
     shear_modulus: Any
     c01: Any
+    linear: Any = 0.0
 
 
 class Law(Protocol):
@@ -127,6 +129,39 @@ class MooneyRivlin:
         return 2.0 * (first + second * trace), -2.0 * second, bulk * log - 2.0 * pressing
 
 
+class EitherLaw:
+    """The linear law in some cells, that of Mooney and Rivlin in others."""
+
+    @staticmethod
+    def energy(strain: Any, moduli: Moduli) -> Any:
+        """See `Law`."""
+        each = (law.energy(strain, moduli) for law in (StVenantKirchhoff, MooneyRivlin))
+        return _either(moduli.linear, *each)
+
+    @staticmethod
+    def stress(before: Any, after: Any, change: Any, moduli: Moduli) -> Any:
+        """See `Law`."""
+        laws = (StVenantKirchhoff, MooneyRivlin)
+        each = (law.stress(before, after, change, moduli) for law in laws)
+        return _either(moduli.linear, *each)
+
+    @staticmethod
+    def coefficients(trace: Any, log: Any, moduli: Moduli) -> tuple[Any, Any, Any]:
+        """See `Law`; expressions of UFL only."""
+        laws = (StVenantKirchhoff, MooneyRivlin)
+        pairs = zip(*(law.coefficients(trace, log, moduli) for law in laws), strict=True)
+        one, two, three = (_either(moduli.linear, *pair) for pair in pairs)
+        return one, two, three
+
+
+def _either(first: Any, one: Any, other: Any) -> Any:
+    """One where ``first`` is 1, the other where it is 0; what is not taken may be no number."""
+    if not (shape := getattr(one, "ufl_shape", ())):
+        return ufl.conditional(ufl.gt(first, 0.5), one, other)
+    rows, columns = (range(count) for count in shape)
+    return ufl.as_tensor([[_either(first, one[i, j], other[i, j]) for j in columns] for i in rows])
+
+
 def _mooney(moduli: Moduli) -> tuple[Any, Any, Any, Any]:
     """c10, c01, c10 + 2 c01 and lambda'."""
     first = 0.5 * moduli.shear_modulus - moduli.c01
@@ -153,6 +188,9 @@ class FiniteForms:
         c01: Of Mooney's and Rivlin's law [Pa].
         viscosity: Kelvin's and Voigt's, of a step: S gains viscosity (lambda tr(dE) I + 2 mu dE),
             with the time of retardation over the time step.
+        local: lambda at points [Pa], of bodies only some cells of which keep their volume in the
+            mean; None: that of small strains, or what `pressing` leaves of it.
+        linear: As of `Moduli`.
         pressing: Of nearly incompressible bodies, whose lambda' is asked of the mean of J in each
             cell: the pressure p there [Pa], by which S gains p dJ/dE; else None. See
             `impactfem.system.mean_dilatation`.
@@ -163,6 +201,8 @@ class FiniteForms:
     c01: Any
     viscosity: Any
     pressing: Any = None
+    local: Any = None
+    linear: Any = 0.0
 
     def energy(self, displacement: Any) -> Any:
         """Functional W [J], without what means of cells have of it."""
@@ -253,7 +293,8 @@ class FiniteForms:
     def _moduli(self) -> Moduli:
         # Of nearly incompressible bodies lambda' is no matter of points.
         first = self.elastic.first_lame if self.pressing is None else 4.0 * self.c01
-        return Moduli(first, self.elastic.shear_modulus, self.c01)
+        first = first if self.local is None else self.local
+        return Moduli(first, self.elastic.shear_modulus, self.c01, self.linear)
 
     def _gradient(self, u: Any) -> Any:
         """Displacement gradient; with the hoop part u_r / r if axisymmetric."""

@@ -215,7 +215,7 @@ class FiniteLeapfrog(FiniteBody):
         if self._following is None:
             return 0.0
         largest = self._system.comm.allreduce(self._following.largest, op=MPI.MAX)
-        return float(min(_LAGGING, 2.0 * largest / self._solid.shear_modulus))
+        return float(min(_LAGGING, 2.0 * largest / self._elements.softest))
 
     def renew(self) -> None:
         """Take the tangent of the surface where the body is now (collective)."""

@@ -4,7 +4,7 @@ import resource
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -55,6 +55,7 @@ class BodyMesh:
         volume: Area [m^2] (2D) or volume [m^3] of the mesh, without thickness or revolution.
         cost: What it took to make.
         source: The file it comes from; None for shapes.
+        groups: Local cells (ghosts included) of each material, if the body has several.
     """
 
     mesh: Any
@@ -68,6 +69,7 @@ class BodyMesh:
     volume: float
     cost: MeshCost
     source: Source | None = None
+    groups: Mapping[str, Integers] = field(default_factory=dict)
 
     def facets(self, name: str) -> Integers:
         """Local facets of a surface.
@@ -104,9 +106,12 @@ def build_body_mesh(comm: Any, solid: Any, degree: int, folder: Path) -> BodyMes
         found.append(raw)
         cost = MeshCost(time.perf_counter() - begin, _peak_memory())
         sizes = raw.dim, raw.cells.shape[1], len(raw.points), len(raw.cells)
-        return (raw.cell, *sizes, volume, cost, dict(raw.surfaces), raw.source)
+        named = dict(raw.surfaces), dict(raw.groups)
+        return (raw.cell, *sizes, volume, cost, *named, raw.source)
 
-    cell, dim, nodes, num_nodes, num_cells, volume, cost, surfaces, source = fem.on_root(comm, make)
+    cell, dim, nodes, num_nodes, num_cells, volume, cost, surfaces, groups, source = fem.on_root(
+        comm, make
+    )
     raw = found.pop() if found else None
     points = raw.points if raw else np.empty((0, dim))
     cells = raw.cells if raw else np.empty((0, nodes), dtype=np.int64)
@@ -124,7 +129,13 @@ def build_body_mesh(comm: Any, solid: Any, degree: int, folder: Path) -> BodyMes
         volume=volume,
         cost=cost,
         source=source,
+        groups=MappingProxyType({name: _local_cells(mesh, own) for name, own in groups.items()}),
     )
+
+
+def _local_cells(mesh: Any, cells: NDArray[np.int64]) -> Integers:
+    """Cells of the whole mesh as they are numbered on this rank, ghosts included."""
+    return np.flatnonzero(np.isin(mesh.topology.original_cell_index, cells)).astype(np.int32)
 
 
 def _made(solid: Any, degree: int, folder: Path) -> tuple[RawMesh, float]:
@@ -135,7 +146,7 @@ def _made(solid: Any, degree: int, folder: Path) -> tuple[RawMesh, float]:
         where = f"mesh file {path}"
         raw = read_body(
             path, solid.model, degree, mesh_size=solid.mesh_size, refine=solid.refine,
-            cells=solid.cells, used=_used(solid),
+            cells=solid.cells, used=_used(solid), materials=solid.materials,
         )  # fmt: skip
         check_names(raw.surfaces, _used(solid), where)
     elif solid.cells == "hexahedron":

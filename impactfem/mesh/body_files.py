@@ -39,6 +39,7 @@ _OFF_PLANE = 1e-9  # share of the extent by which a node may miss z = 0, or r = 
 def read_body(
     path: Path, model: str, degree: int, *, mesh_size: float | None = None,
     refine: Sequence[Any] = (), cells: str = "simplex", used: Collection[str] = (),
+    materials: Collection[str] = (),
 ) -> RawMesh:  # fmt: skip
     """Read the mesh of a body, or mesh the geometry in a file, on this rank.
 
@@ -54,6 +55,7 @@ def read_body(
         refine: Balls with smaller elements.
         cells: "hexahedron" asks Gmsh to recombine geometry to be meshed.
         used: Surfaces that the body uses: they must lie on the boundary.
+        materials: Names of the groups of elements, if each has its own material.
 
     Raises:
         MeshError: The file cannot be read or holds no mesh that fits.
@@ -78,7 +80,8 @@ def read_body(
         gmsh.merge(str(found.path))
         reader = _Reader(gmsh, path, model, dim, found.holdings)
         reader.check_kept(degree)
-        raw = reader.mesh(used)
+        reader.check_materials(materials)
+        raw = reader.mesh(used, materials)
     if cells == "hexahedron" and raw.cell in {"triangle", "tetrahedron"}:
         raise reader.fault(
             f"cells = {cells!r}, but Gmsh made a {raw.cell} mesh of it; make its curves, surfaces "
@@ -153,27 +156,61 @@ class _Reader:
                 f"element's size off straight edges, which elements of degree {degree} would lose; "
                 + (remedy or f"save it with order 2, or {lower}")
             )
-        parts = self.holdings.of_dim(self.dim)
-        if len(parts) > 1:
-            what = "Volume" if self.dim == 3 else "Surface"
-            raise self.fault(
-                f"holds {len(parts)} groups of elements, {', '.join(map(str, parts))}; a body has "
-                "one material, and of several nothing is known: put all elements of the body into "
-                f'one physical group (Physical {what}("body") = {{...}}), or make each group a '
-                "body with a file of its own"
-            )
 
-    def mesh(self, used: Collection[str]) -> RawMesh:
+    def check_materials(self, named: Collection[str]) -> None:
+        """Refuse groups of elements without material, and materials without group."""
+        parts = self.holdings.of_dim(self.dim)
+        what = "Volume" if self.dim == 3 else "Surface"
+        found = (
+            f"{len(parts)} groups of elements, {', '.join(map(str, parts))}"
+            if parts
+            else ("no group of elements")
+        )
+        if not named:
+            if len(parts) > 1:
+                entries = ", ".join(f"{part.name} = {{ ... }}" for part in parts)
+                raise self.fault(
+                    f"holds {found}, and the body says one material for all: give each one by "
+                    f"body.materials = {{ {entries} }}, put all elements of the body into one "
+                    f'physical group (Physical {what}("body") = {{...}}), or make each group a '
+                    "body with a file of its own"
+                )
+            return
+        names = {part.name for part in parts}
+        without = sorted(names - {*named})
+        unknown = sorted({*named} - names)
+        if without or unknown:
+            wrong = [f"{', '.join(map(repr, without))} has no material"] * bool(without)
+            wrong += [f"{', '.join(map(repr, unknown))} is none of them"] * bool(unknown)
+            raise self.fault(
+                f"holds {found}: in body.materials {' and '.join(wrong)}; name each group of "
+                f'elements and no other (in Gmsh: Physical {what}("core") = {{...}})'
+            )
+        owners: dict[int, str] = {}
+        for part in parts:
+            for entity in part.entities:
+                other = owners.setdefault(abs(entity), part.name)
+                if other != part.name:
+                    raise self.fault(
+                        f"groups {other!r} and {part.name!r} share elements, which have one "
+                        "material; let each element be in one group"
+                    )
+
+    def mesh(self, used: Collection[str], materials: Collection[str] = ()) -> RawMesh:
         """Check what the file holds and take it."""
         tags, coordinates, _ = self.gmsh.model.mesh.getNodes()
         number = numbering(tags)
         points = np.reshape(coordinates, (-1, 3))
         entities = self._body_entities()
-        kind, cells = self._cells(entities, number)
+        kind, cells, owners = self._cells(entities, number)
         self._check_loose(entities, number, cells, len(tags))
         points = self._in_plane(points, cells)
         points, cells, groups = without_loose_nodes(points, cells, self._groups(number))
-        raw = RawMesh(points, cells, *_KINDS[kind])
+        parts = [part for part in self.holdings.of_dim(self.dim) if materials]
+        inside = {
+            part.name: np.flatnonzero(np.isin(owners, np.abs(part.entities))) for part in parts
+        }
+        raw = RawMesh(points, cells, *_KINDS[kind], groups=inside)
         surfaces = self._on_boundary(raw, groups, used)
         return replace(raw, surfaces=surfaces, source=self._source(raw, surfaces))
 
@@ -181,7 +218,10 @@ class _Reader:
         """What the file holds and what of it is used."""
         holdings, dim = self.holdings, self.dim
         sides = [g for g in holdings.of_dim(dim - 1) if g.name in surfaces]
-        uses = dict.fromkeys(sides, "a surface") | dict.fromkeys(holdings.of_dim(dim), "the body")
+        inside = holdings.of_dim(dim)
+        uses = dict.fromkeys(sides, "a surface") | dict.fromkeys(
+            inside, "a material of the body" if raw.groups else "the body"
+        )
         unused = []
         away = sum(holdings.elements.values()) - len(raw.cells)
         if away:
@@ -220,11 +260,13 @@ class _Reader:
         found = (model.getEntitiesForPhysicalGroup(dim, tag) for _, tag in groups)
         return sorted({int(tag) for tags in found for tag in tags})
 
-    def _cells(self, entities: Sequence[int], number: Numbering) -> tuple[int, Integers]:
-        """Kind of the elements, and their nodes in DOLFINx's order."""
+    def _cells(self, entities: Sequence[int], number: Numbering) -> tuple[int, Integers, Integers]:
+        """Kind of the elements, their nodes in DOLFINx's order, and the entity of each."""
         found: dict[int, list[Integers]] = {}
+        counts: list[int] = []
         for entity in entities:
-            kinds, _, lists = self.gmsh.model.mesh.getElements(self.dim, entity)
+            kinds, tags, lists = self.gmsh.model.mesh.getElements(self.dim, entity)
+            counts.append(sum(map(len, tags)))
             for kind, nodes in zip(kinds, lists, strict=True):
                 found.setdefault(int(kind), []).append(number(nodes))
         names = [self.gmsh.model.mesh.getElementProperties(kind)[0] for kind in found]
@@ -245,7 +287,7 @@ class _Reader:
         cell, degree = _KINDS[kind]
         nodes = len(fem.reference_nodes(cell, degree))
         cells: Integers = np.concatenate(found[kind]).reshape(-1, nodes)
-        return kind, cells[:, fem.from_gmsh_order(cell, nodes)]
+        return kind, cells[:, fem.from_gmsh_order(cell, nodes)], np.repeat(entities, counts)
 
     def _check_loose(
         self, entities: Sequence[int], number: Numbering, cells: Integers, count: int

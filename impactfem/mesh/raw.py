@@ -44,6 +44,7 @@ class RawMesh:
         degree: Degree of the geometry, 1 or 2.
         surfaces: Vertices of the facets of each named surface, shape (facets, vertices).
         source: The file it comes from; None for shapes.
+        groups: Cells of each material, if the body has several.
     """
 
     points: Floats
@@ -52,6 +53,7 @@ class RawMesh:
     degree: int
     surfaces: Mapping[str, Integers] = field(default_factory=dict)
     source: Source | None = None
+    groups: Mapping[str, Integers] = field(default_factory=dict)
 
     @property
     def dim(self) -> int:

@@ -45,6 +45,7 @@ from impactfem.system.few import FewBodies
 from impactfem.system.few_bodies import few_bodies
 from impactfem.system.joints import Joints, joints_of
 from impactfem.system.located import Located, locate
+from impactfem.system.materials import StandIns, stand_ins
 from impactfem.system.surface import SurfaceNodes
 from impactfem.system.tips import HeldRegion, Tips
 
@@ -71,6 +72,13 @@ class SolidPart:
     def system(self) -> ElasticSystem:
         """Mass, stiffness, supports and loads (collective at the first use)."""
         return elastic_system(self.solid, self.scene.vector_gravity, self.mesh)
+
+    @cached_property
+    def foreseen(self) -> StandIns:
+        """Bodies of one material by which steps and blows are foreseen (collective likewise)."""
+        if self.solid.is_uniform:
+            return StandIns(self.solid, self.solid, None)
+        return stand_ins(self.system.nodes, self.solid)
 
     @cached_property
     def outside(self) -> Boundary:

@@ -145,7 +145,7 @@ def units_of(body: Any, against: Sequence[Floats] = ()) -> list[Finding]:
         body: The body.
         against: Velocities against which its own counts [m/s]; none: 0.
     """
-    if getattr(body, "youngs_modulus", None) is None:
+    if getattr(body, "youngs_modulus", None) is None or not getattr(body, "is_uniform", True):
         return []
     waves = getattr(body, "wave_speed", None)  # of bars, along which it may vary
     if waves is None:

@@ -81,7 +81,7 @@ def _degree(
         return 2
     if solid.keeps_volume:
         reasons[key] = (
-            f"poisson_ratio = {solid.poisson_ratio:g}: quadrilaterals and hexahedra of degree 1 "
+            f"poisson_ratio = {solid.largest_ratio:g}: quadrilaterals and hexahedra of degree 1 "
             "keep their volume in the mean only, so that they do not lock"
         )
         return 1
@@ -104,7 +104,7 @@ def stiff_elements(solid: Solid) -> str:
     """Why linear elements are too stiff for a body, or nothing."""
     if solid.keeps_volume and solid.cells == "simplex":
         return (
-            f"poisson_ratio = {solid.poisson_ratio:g} is above 0.45: nearly "
+            f"poisson_ratio = {solid.largest_ratio:g} is above 0.45: nearly "
             "incompressible, linear simplices lock"
         )
     ratio = slenderness(solid)

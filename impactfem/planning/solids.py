@@ -42,7 +42,7 @@ from impactfem.scene.pairing import self_meeting
 from impactfem.scene.solids import Solid
 
 if TYPE_CHECKING:
-    from impactfem.models.solids import SolidsModel
+    from impactfem.models.solids import SolidPart, SolidsModel
 
 
 def plan_march(scene: Scene) -> Plan[MarchNumbers]:
@@ -82,7 +82,6 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     from impactfem.planning.turns import flight_findings  # noqa: PLC0415  (likewise)
     from impactfem.planning.vibration import follow_vibration  # noqa: PLC0415  (likewise)
 
-    solids, solve = scene.solids, scene.solve
     reasons = dict(STARTS.get(scene.start, {}))
     findings: list[Finding] = []
     degrees, model = _meshed(scene, reasons, findings)
@@ -93,10 +92,11 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
         if part.mesh.source is not None:
             reasons["mesh" if alone else f"mesh of {part.solid.name}"] = part.mesh.source.text
         findings += left_out(part.solid, part.mesh)
-    found = [measured(part.solid, part.mesh, part.degree) for part in model.parts]
-    sizes = [size for size, _ in found]
-    method = choose_method(scene, sizes, [max(extents) for _, extents in found], reasons)
-    steps = choose_steps(scene, method, sizes, reasons)
+    found = [measured(part) for part in model.parts]
+    alike, sizes = _of_one_material(scene, model), [size for size, _ in found]
+    solids, solve = alike.solids, scene.solve
+    method = choose_method(alike, sizes, [max(extents) for _, extents in found], reasons)
+    steps = choose_steps(alike, method, sizes, reasons)
     steps = shortened(steps, scene, few_step(model.few), reasons)
     steps, apart = follow_vibration(scene, model, steps, reasons)
     data = time_data(scene, [part.system for part in model.parts], model.few)
@@ -105,13 +105,13 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     findings += few_findings(model, reasons)
     joined = {name for joint in scene.joints for name in joint.bodies}
     flyers = [
-        (part.solid, part.system, part.outside)
+        (part.foreseen.softest, part.system, part.outside)
         for part in model.parts
         if part.solid.name not in joined
     ]
     findings += flight_findings(scene, flyers, steps.dt)
     findings += told_contacts(model, reasons)
-    if alone and not (model.few or scene.joints):
+    if alone and scene.solid.is_uniform and not (model.few or scene.joints):
         reasons |= {f"offer {name}": text for name, text in offers(scene).items()}
     findings += method_findings(method, steps.courant)
     share = (steps.courant or 1.0) / SHARE_OF_STABLE
@@ -216,8 +216,16 @@ def _meshed(
     return degrees, model
 
 
-def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[float, ...]]:
-    """Size of the discretised body and the edges of the box around it [m] (collective).
+def _of_one_material(scene: Scene, model: "SolidsModel") -> Scene:
+    """The scene with solids of the material whose waves ask for the least steps (collective)."""
+    if all(part.solid.is_uniform for part in model.parts):
+        return scene
+    others = {part.solid.name: part.foreseen.fastest for part in model.parts}
+    return replace(scene, bodies=tuple(others.get(body.name, body) for body in scene.bodies))
+
+
+def measured(part: "SolidPart") -> tuple[Size, tuple[float, ...]]:
+    """Size of a discretised body and the edges of the box around it [m] (collective).
 
     The box is turned as the shape is.
 
@@ -226,6 +234,7 @@ def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[flo
     """
     from impactfem.fem import MPI, cell_nodes  # noqa: PLC0415
 
+    solid, body_mesh = part.solid, part.mesh
     mesh, dim = body_mesh.mesh, body_mesh.gdim
     corners = {"triangle": 3, "tetrahedron": 4, "quadrilateral": 4, "hexahedron": 8}[body_mesh.cell]
     points = mesh.geometry.x[:, :dim]
@@ -253,5 +262,6 @@ def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[flo
     kind = "simplex" if body_mesh.cell in {"triangle", "tetrahedron"} else "hexahedron"
     # Rounded, since sums depend on the number of ranks and the time step follows from the size.
     mesh_size = solid.mesh_size or float(f"{mean:.6g}")
-    size = Size(body_mesh.num_nodes, dim, degree, kind, mesh_size, float(least))
+    least = part.foreseen.least or float(least)
+    size = Size(body_mesh.num_nodes, dim, part.degree, kind, mesh_size, least)
     return size, tuple((high - low).tolist())

@@ -238,7 +238,7 @@ def _effort(
             *(contact_findings(rows.force, rows.largest, march.interior.dt) if parts else ()),
             *measured_findings(
                 {name: known for name, known in figures.items() if name in small},
-                {p.solid.name: p.solid.material for p in parts if p.solid.is_finite},
+                {p.solid.name: p.solid.law for p in parts if p.solid.is_finite},
             ),
             *data_findings(
                 time_data(model.scene, [part.system for part in parts], model.few),
@@ -251,7 +251,7 @@ def _effort(
         ),
         measured=(*(contact_codes(rows.force) if parts else ()), *MODEL_CODES, *DATA_CODES),
         force_window=mesh_window(
-            [part.solid for part in parts],
+            [part.foreseen.fastest for part in parts],
             [part.degree for part in parts],
             seen.numbers.mesh_size,
         ),

@@ -10,6 +10,7 @@ from impactfem.scene.formula import Formula
 from impactfem.scene.inverse import Limit, Measure, Objective, Parameter, Term
 from impactfem.scene.joints import Joint, Soft
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
+from impactfem.scene.materials import Material
 from impactfem.scene.mechanism import JointStart, Mechanism, Place
 from impactfem.scene.obstacles import (
     HalfSpace,
@@ -62,6 +63,7 @@ __all__ = [
     "JointStart",
     "Layer",
     "Limit",
+    "Material",
     "Measure",
     "Mechanism",
     "Objective",

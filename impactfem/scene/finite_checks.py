@@ -79,7 +79,7 @@ def _refuse_volume(place: int, solid: Solid) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    ratio = solid.poisson_ratio
+    ratio = solid.largest_ratio
     if ratio <= NEARLY_INCOMPRESSIBLE:
         text = f" = {show(solid.element)}: explicit steps under finite strain have standard "
         text += 'elements only: remove it, or give solve.method = "conserving".'

@@ -198,6 +198,13 @@ class InlineTable(Kind):
         return kind | plain(value)
 
 
+class Named(dict[str, Any]):
+    """Tables by name, which nothing changes once they are read."""
+
+    def __hash__(self) -> int:  # type: ignore[override]  # dictionaries have none
+        return hash(frozenset(self.items()))
+
+
 @dataclass(frozen=True)
 class TablesByName(Kind):
     """Tables of one class under names that a file gives, which only its reader knows."""
@@ -215,9 +222,9 @@ class TablesByName(Kind):
     def read(self, value: object) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):
             if not value and isinstance(value, list | tuple):
-                return {}
+                return Named()
             raise NotAllowedError(f"it is {type_in_words(value)}, not a table")
-        found = {}
+        found = Named()
         for name, entry in value.items():
             try:
                 found[str(name)] = InlineTable((self.cls,)).read(entry)

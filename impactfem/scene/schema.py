@@ -326,7 +326,7 @@ def _rank(heading: str) -> int:
     bodies = (f'[[body]] with kind = "{kind}"' for kind in kinds)
     inline = (
         "supports", "tractions", "pressures", "outline", "shape", "refine", "springs",
-        "orientation", "rotation", "joints", "place", "soft", "orthotropic", "layers",
+        "orientation", "rotation", "joints", "place", "soft", "materials", "orthotropic", "layers",
         "minimise", "constraints",
     )  # fmt: skip
     others = (

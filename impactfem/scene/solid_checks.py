@@ -5,6 +5,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from impactfem.scene.boundary import SPACE
+from impactfem.scene.formula import Formula
 from impactfem.scene.kinds import FormulaOf
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
@@ -13,7 +14,6 @@ from impactfem.scene.values import NotAllowedError, show
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from impactfem.scene.formula import Formula
     from impactfem.scene.solids import Solid
 
 _FAR = 1e8  # times its extent, beyond which rounding of places shows in contact
@@ -26,6 +26,7 @@ def check_solid(solid: "Solid") -> None:
         KeyedError: naming the key.
     """
     _check_source(solid)
+    _check_materials(solid)
     _check_mesh_file(solid)
     _check_sizes(solid)
     _check_lengths(solid)
@@ -55,6 +56,17 @@ def _check_source(solid: "Solid") -> None:
             shape.check_model(solid.model)
         except KeyedError as error:
             raise error.moved("").under("shape", solid.kind) from None
+
+
+def _check_materials(solid: "Solid") -> None:
+    """Refuse materials without groups, and what of one of them is missing or not allowed."""
+    if not solid.materials:
+        return
+    if solid.mesh is None:
+        text = " belong to physical groups of a mesh file, and a shape has none: give mesh = a "
+        text += "file, or density and youngs_modulus as formulas in x, y, z."
+        raise _fail(solid, "materials", text)
+    solid.of_groups  # noqa: B018  (it checks each)
 
 
 def _check_mesh_file(solid: "Solid") -> None:
@@ -125,6 +137,7 @@ def _check_plane(solid: "Solid") -> None:
     found: list[tuple[str, Sequence[Formula], tuple[str, ...]]] = [
         ("velocity", solid.velocity, ()),
         ("displacement", solid.displacement, ()),
+        *((name, [value], ()) for name, value in _varying(solid)),
         *((f"tractions[{i}].value", e.value, ("t",)) for i, e in enumerate(solid.tractions)),
         *((f"pressures[{i}].value", [e.value], ("t",)) for i, e in enumerate(solid.pressures)),
     ]
@@ -135,6 +148,12 @@ def _check_plane(solid: "Solid") -> None:
             except NotAllowedError as error:
                 text = f' = {show(formula.text)} does not fit model = "{solid.model}": {error}.'
                 raise _fail(solid, name, text) from None
+
+
+def _varying(solid: "Solid") -> "list[tuple[str, Formula]]":
+    """Constants of the material that are formulas."""
+    each = ((name, getattr(solid, name)) for name in ("density", "youngs_modulus"))
+    return [(name, value) for name, value in each if isinstance(value, Formula)]
 
 
 def _check_rotation(solid: "Solid") -> None:
@@ -167,7 +186,7 @@ def _check_law(solid: "Solid") -> None:
     if solid.model == "plane_stress":
         text = ' = "plane_stress" has no finite strain, whose thickness would follow at every '
         raise _fail(solid, "model", text + 'point: give "plane_strain" or "3d".')
-    if solid.keeps_volume and solid.material == "linear":
+    if not solid.materials and solid.keeps_volume and solid.material == "linear":
         text = f" = {solid.poisson_ratio}: the linear law has no mean dilatation under finite "
         text += 'strain, and locks: give material = "neo_hookean", or strain = "small".'
         raise _fail(solid, "poisson_ratio", text)
@@ -224,6 +243,8 @@ def _check_supports(solid: "Solid") -> None:
 
 def _check_scales(solid: "Solid") -> None:
     """Refuse values, each fine alone, whose wave speed or mass overflows."""
+    if not solid.is_uniform:  # elements are looked at one by one, once there are some
+        return
     slow, fast, mass = math.nan, math.nan, math.nan
     with contextlib.suppress(OverflowError, ValueError, ZeroDivisionError):
         slow, fast = solid.s_wave_speed, solid.p_wave_speed

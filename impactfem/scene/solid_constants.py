@@ -2,7 +2,9 @@
 
 from typing import TYPE_CHECKING
 
+from impactfem.scene.formula import Formula
 from impactfem.scene.schema import REQUIRED, KeyedError, keys_of
+from impactfem.scene.values import show
 
 if TYPE_CHECKING:
     from impactfem.scene.solids import Solid
@@ -20,6 +22,7 @@ def check_constants(solid: "Solid") -> dict[str, float]:
     """
     mooney = solid.material == "mooney_rivlin"
     wanted, other = (_MOONEY, ()) if mooney else (_ELASTIC, _MOONEY)
+    wanted = ("density", *wanted)
     for name in other:
         if getattr(solid, name) is not None:
             text = f' = {getattr(solid, name)} belongs to material = "mooney_rivlin": remove it.'
@@ -53,6 +56,9 @@ def _small_strains(solid: "Solid") -> dict[str, float]:
     }
     for name, value in found.items():
         given = getattr(solid, name)
+        if isinstance(given, Formula):
+            text = f" = {show(given.text)} contradicts c10, c01 and bulk_modulus: remove it."
+            raise KeyedError(solid.kind, name, text)
         if given is not None and abs(given - value) > _ALIKE * abs(value):
             text = f" = {given} contradicts c10, c01 and bulk_modulus, which make it {value:.6g}: "
             raise KeyedError(solid.kind, name, text + "remove it.")

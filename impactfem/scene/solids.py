@@ -1,9 +1,10 @@
 """Elastic solids in 2D and 3D, with supports, loads and what Gmsh needs to draw them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar, Self
+from functools import cached_property
+from typing import Any, ClassVar, Self
 
 from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.boundary import (
@@ -16,8 +17,16 @@ from impactfem.scene.boundary import (
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import FormulaLike, Given, MaybeTable, Tables
-from impactfem.scene.inline import Formulas, InlineTable, ListOf, NumberOrVector, Vector
-from impactfem.scene.kinds import Choice, FilePath, Integer, Name, Real
+from impactfem.scene.inline import (
+    Formulas,
+    InlineTable,
+    ListOf,
+    NumberOrVector,
+    TablesByName,
+    Vector,
+)
+from impactfem.scene.kinds import Choice, FilePath, Integer, Name, Real, RealOrFormula
+from impactfem.scene.materials import LAWS, Material, solids_of
 from impactfem.scene.probes import STRAINS
 from impactfem.scene.schema import key, table
 from impactfem.scene.shape import MODELS
@@ -32,7 +41,6 @@ STRAINS_OF = ("small", "finite")
 ELEMENTS = ("standard", "mean_dilatation")
 NEARLY_INCOMPRESSIBLE = 0.45
 """Poisson's ratio above which elements keep their volume in the mean only."""
-LAWS = ("linear", "neo_hookean", "mooney_rivlin")
 _LAW_WORDS = {
     "linear": "elastic (St. Venant, Kirchhoff) under finite strain",
     "neo_hookean": "neo-Hookean under finite strain",
@@ -112,19 +120,31 @@ class Solid(BodyKind):
     )
     degree: int | None = key(Integer(1, 2), "polynomial degree of elements", default=None)
     thickness: float = key(Real(above=0), "thickness of plane models", unit="m", default=1.0)
-    density: float = key(Real(above=0), "mass density", unit="kg/m^3")
-    youngs_modulus: Given[float, float | None] = key(
-        Real(above=0),
-        "Young's modulus",
+    density: Given[float, FormulaLike | None] = key(
+        RealOrFormula(SPACE),
+        "mass density; a formula: of the undeformed body, each element has its mean",
+        unit="kg/m^3",
+        default=None,
+        absent="required, but by materials",
+    )
+    youngs_modulus: Given[float, FormulaLike | None] = key(
+        RealOrFormula(SPACE),
+        "Young's modulus; a formula: of the undeformed body, each element has its mean",
         unit="Pa",
         default=None,
-        absent='required, but by its constants for "mooney_rivlin"',
+        absent='required, but by materials or its constants for "mooney_rivlin"',
     )
     poisson_ratio: Given[float, float | None] = key(
         Real(above=-1, below=0.5),
         "Poisson's ratio",
         default=None,
-        absent='required, but by its constants for "mooney_rivlin"',
+        absent='required, but by materials or its constants for "mooney_rivlin"',
+    )
+    materials: Given[Mapping[str, Material], Mapping[str, Material | Mapping[str, Any]]] = key(
+        TablesByName(Material),
+        "materials by the names of the physical groups of elements in the mesh file; what one "
+        "leaves out is as the body has it",
+        default=(),
     )
     strain: str | None = key(
         Choice(STRAINS_OF),
@@ -200,7 +220,7 @@ class Solid(BodyKind):
     )
 
     def _check(self) -> None:
-        elastic = check_constants(self)
+        elastic = {} if self.materials else check_constants(self)
         for name, value in elastic.items():
             object.__setattr__(self, name, value)
         self._fill()
@@ -262,10 +282,34 @@ class Solid(BodyKind):
     def check_on_axis(self, where: str) -> None:
         """Nothing: models tell whether they fit."""
 
+    @cached_property
+    def of_groups(self) -> "Mapping[str, Solid]":
+        """The body as it would be of each of its `materials` alone; empty without these."""
+        return solids_of(self) if self.materials else {}
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether its material is one everywhere, so that its constants are numbers."""
+        varying = isinstance(self.density, Formula) or isinstance(self.youngs_modulus, Formula)
+        return not (self.materials or varying)
+
+    @property
+    def largest_ratio(self) -> float:
+        """Largest of Poisson's ratios of its materials."""
+        each = (self.of_groups or {"": self}).values()
+        return max(solid.poisson_ratio for solid in each)
+
+    @property
+    def law(self) -> str:
+        """Name of the law of its material; of several, of the first that is not linear."""
+        laws = (material.material for material in self.materials.values())
+        asked = [self.material if law is None else law for law in laws] or [self.material]
+        return next((law for law in asked if law != "linear"), "linear")
+
     @property
     def is_finite(self) -> bool:
         """Whether it is computed under finite strain and rotation."""
-        return self.strain == "finite" or (self.strain is None and self.material != "linear")
+        return self.strain == "finite" or (self.strain is None and self.law != "linear")
 
     @property
     def turns_far(self) -> bool:
@@ -287,6 +331,8 @@ class Solid(BodyKind):
         """Whether its elements keep their volume in the mean only: it is nearly incompressible."""
         if self.model == "plane_stress":  # it gives way across
             return False
+        if self.materials:
+            return any(each.keeps_volume for each in self.of_groups.values())
         if self.element is None:
             return self.poisson_ratio > NEARLY_INCOMPRESSIBLE
         return self.element == "mean_dilatation"
@@ -306,7 +352,7 @@ class Solid(BodyKind):
     @property
     def law_in_words(self) -> str:
         """Name of its law."""
-        return _LAW_WORDS[self.material] if self.is_finite else "linear elastic"
+        return _LAW_WORDS[self.law] if self.is_finite else "linear elastic"
 
     @property
     def shear_modulus(self) -> float:
@@ -359,5 +405,6 @@ class Solid(BodyKind):
 
     @property
     def mass(self) -> float | None:
-        """Mass [kg] of what is modelled, after symmetry cuts; None with a mesh file."""
-        return None if self.volume is None else self.density * self.volume
+        """Mass [kg] of what is modelled, after symmetry cuts; None with a mesh file or formula."""
+        volume = self.volume if self.is_uniform else None
+        return None if volume is None else self.density * volume

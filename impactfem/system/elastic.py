@@ -256,7 +256,7 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
         velocity=velocity,
         rayleigh_mass=solid.rayleigh_mass,
         rayleigh_stiffness=solid.rayleigh_stiffness,
-        fields=NodalFields(nodes, forms, partial(shown, forms, solid)),
+        fields=NodalFields(nodes, forms, partial(shown, nodes, forms, solid)),
         axisymmetric=axisymmetric,
     )
 

@@ -12,6 +12,7 @@ from impactfem.arrays import Floats, Integers
 from impactfem.fem import ADD, MPI, dolfinx_fem
 from impactfem.system.force_kernels import plane_forces, space_forces, stiffest, tangents
 from impactfem.system.law_kernels import KERNELS
+from impactfem.system.materials import materials_of
 from impactfem.system.nodes import Nodes
 
 
@@ -22,6 +23,7 @@ class ElementForces:
         cells: Nodes of each cell that this rank owns, (cells, corners).
         place: Displacement of the nodes of this rank, owned and ghosts, which callers set [m].
         displacement: The same as an array, (nodes, dim).
+        softest: Least shear modulus of all cells [Pa].
     """
 
     def __init__(self, nodes: Nodes, solid: Any) -> None:
@@ -35,12 +37,12 @@ class ElementForces:
         mesh = nodes.space.mesh
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self.cells = np.ascontiguousarray(nodes.space.dofmap.list[:owned])
-        self._material = (
-            KERNELS[solid.material],
-            solid.lame,
-            solid.shear_modulus,
-            solid.c01 or 0.0,
-        )
+        own = materials_of(nodes, solid)
+        laws = np.where(own.linear, KERNELS["linear"], KERNELS["mooney_rivlin"])
+        parts = (part[:owned] for part in (laws, own.lame, own.shear, own.c01))
+        self._material: Floats = np.stack([*parts], axis=1).astype(np.float64)
+        softest = float(self._material[:, 2].min(initial=np.inf))
+        self.softest: float = nodes.comm.allreduce(softest, op=MPI.MIN)
         self._kernel = space_forces if nodes.dim == 3 else plane_forces
         self._data = _tabulated(nodes, self.cells, solid)
         # Vectors that DOLFINx exchanges between ranks.
@@ -97,11 +99,11 @@ class CellForces:
         whole: ElementForces,
         cells: Integers,
         kernel: Any,
-        material: tuple[int, float, float, float],
+        material: Floats,
         data: tuple[Floats, Floats, Floats],
     ) -> None:
         """Take cells of a body, by their place on this rank."""
-        self._whole, self._kernel, self._material = whole, kernel, material
+        self._whole, self._kernel, self._material = whole, kernel, material[cells]
         self.cells = np.ascontiguousarray(whole.cells[cells])
         self._data = tuple(part[cells] if len(part) else part for part in data)
 

@@ -10,46 +10,57 @@ from impactfem import fem
 from impactfem.arrays import Floats
 from impactfem.fem import MPI, dolfinx_fem, ufl
 from impactfem.forms.elasticity import ElasticForms
-from impactfem.forms.finite_strain import LAWS, FiniteForms
+from impactfem.forms.finite_strain import LAWS, EitherLaw, FiniteForms
 from impactfem.system.following import FollowingPressures
+from impactfem.system.materials import constants_of, materials_of
 from impactfem.system.matrices import body_forms
 from impactfem.system.mean_dilatation import CondensedMatrix, MeanDilatation
 from impactfem.system.nodes import Nodes
 from impactfem.system.step_solvers import RenewedSolver
 
 
-def finite_forms(forms: ElasticForms, solid: Any, viscosity: Any = 0.0) -> FiniteForms:
+def finite_forms(
+    nodes: Nodes, forms: ElasticForms, solid: Any, viscosity: Any = 0.0
+) -> FiniteForms:
     """Forms of a solid with ``strain = "finite"``, by those that linear elasticity has of it."""
-    # A number where it is 0: the compiled code has no more terms than it needs.
-    c01 = dolfinx_fem.Constant(forms.space.mesh, solid.c01) if solid.c01 else 0.0
-    pressing = None
-    if solid.keeps_volume:
-        cells = dolfinx_fem.functionspace(forms.space.mesh, ("Discontinuous Lagrange", 0))
-        pressing = dolfinx_fem.Function(cells)
-    return FiniteForms(forms, LAWS[solid.material], c01, viscosity, pressing)
+    cells = dolfinx_fem.functionspace(forms.space.mesh, ("Discontinuous Lagrange", 0))
+    pressing = dolfinx_fem.Function(cells) if solid.keeps_volume else None
+    if not solid.materials:
+        # A number where it is 0: the compiled code has no more terms than it needs.
+        c01 = dolfinx_fem.Constant(forms.space.mesh, solid.c01) if solid.c01 else 0.0
+        return FiniteForms(forms, LAWS[solid.material], c01, viscosity, pressing)
+    made, material = constants_of(nodes, solid), materials_of(nodes, solid)
+    laws = {LAWS[each.material] for each in solid.of_groups.values()}
+    linear = made(np.where(material.linear, 1.0, 0.0)) if len(laws) > 1 else 0.0
+    law = EitherLaw if len(laws) > 1 else laws.pop()
+    local = made(material.local) if solid.keeps_volume else None
+    return FiniteForms(forms, law, made(material.c01), viscosity, pressing, local, linear)
 
 
 def mean_dilatation(
-    forms: FiniteForms, solid: Any, before: Any, after: Any
+    nodes: Nodes, forms: FiniteForms, solid: Any, before: Any, after: Any
 ) -> MeanDilatation | None:
     """What sets the pressures of nearly incompressible cells in a step (collective); else None."""
     if forms.pressing is None:
         return None
-    return MeanDilatation(forms, before, after, solid.lame - 4.0 * (solid.c01 or 0.0))
+    topology = nodes.space.mesh.topology
+    owned = topology.index_map(topology.dim).size_local
+    return MeanDilatation(forms, before, after, materials_of(nodes, solid).bulk[:owned])
 
 
-def shown(elastic: ElasticForms, solid: Any, displacement: Any) -> tuple[Any, Any]:
+def shown(nodes: Nodes, elastic: ElasticForms, solid: Any, displacement: Any) -> tuple[Any, Any]:
     """Fields of a displacement as `ElasticForms.fields`, and what is called before they are read.
 
     Args:
+        nodes: Nodes of the body.
         elastic: Forms of linear elasticity.
         solid: The body.
         displacement: Function of the space.
     """
     if not solid.is_finite:
         return elastic.fields(displacement), None
-    forms = finite_forms(elastic, solid)
-    mean = mean_dilatation(forms, solid, displacement, displacement)
+    forms = finite_forms(nodes, elastic, solid)
+    mean = mean_dilatation(nodes, forms, solid, displacement, displacement)
     return forms.fields(displacement), None if mean is None else mean.update
 
 
@@ -76,9 +87,9 @@ class FiniteStrain:
         space = nodes.space
         self._comm = nodes.comm
         self._viscosity = dolfinx_fem.Constant(space.mesh, 0.0)
-        forms = finite_forms(body_forms(nodes, solid), solid, self._viscosity)
+        forms = finite_forms(nodes, body_forms(nodes, solid), solid, self._viscosity)
         self._before, self._after = dolfinx_fem.Function(space), dolfinx_fem.Function(space)
-        self._mean = mean_dilatation(forms, solid, self._before, self._after)
+        self._mean = mean_dilatation(nodes, forms, solid, self._before, self._after)
         force = forms.force(self._before, self._after)
         self._force, self._internal = fem.compile_form(force), force
         self._following, self._pressure = following, None

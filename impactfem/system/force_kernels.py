@@ -22,6 +22,7 @@ def plane_forces(material, u, cells, rows, table, hoop, weights, out):
     out[:] = 0.0
     energy, least = 0.0, np.inf
     for c in range(len(cells)):
+        own = (material[c, 0], material[c, 1], material[c, 2], material[c, 3])
         for p in range(table.shape[1]):
             xx = xy = yx = yy = around = 0.0
             for k in range(cells.shape[1]):
@@ -38,7 +39,7 @@ def plane_forces(material, u, cells, rows, table, hoop, weights, out):
             if not ratio > 0.0:
                 return np.nan, ratio
             w, sxx, syy, szz, sxy, _, _ = stress(
-                material, xx + 0.5 * (xx * xx + yx * yx), yy + 0.5 * (xy * xy + yy * yy),
+                own, xx + 0.5 * (xx * xx + yx * yx), yy + 0.5 * (xy * xy + yy * yy),
                 around + 0.5 * around * around, 0.5 * (xy + yx + xx * xy + yx * yy), 0.0, 0.0,
             )  # fmt: skip
             v = weights[c, p]
@@ -59,7 +60,7 @@ def space_forces(material, u, cells, rows, table, hoop, weights, out):  # noqa: 
     """Sum up the forces of cells in space.
 
     Args:
-        material: Number of the law, lambda, mu and c01 [Pa].
+        material: Number of the law, lambda, mu and c01 [Pa] of each cell, (cells, 4).
         u: Displacement of the nodes [m], (nodes, 3).
         cells: Nodes of each cell, (cells, corners).
         rows: Where the forces of each are added, (cells, corners).
@@ -76,6 +77,7 @@ def space_forces(material, u, cells, rows, table, hoop, weights, out):  # noqa: 
     corners = cells.shape[1]
     tetrahedra = corners == 4
     for c in range(len(cells)):
+        own = (material[c, 0], material[c, 1], material[c, 2], material[c, 3])
         for p in range(table.shape[1]):
             g = table[c, p]
             if tetrahedra:  # differences along three edges
@@ -106,7 +108,7 @@ def space_forces(material, u, cells, rows, table, hoop, weights, out):  # noqa: 
             if not ratio > 0.0:
                 return np.nan, ratio
             w, sxx, syy, szz, sxy, syz, szx = stress(
-                material,
+                own,
                 xx + 0.5 * (xx * xx + yx * yx + zx * zx),
                 yy + 0.5 * (xy * xy + yy * yy + zy * zy),
                 zz + 0.5 * (xz * xz + yz * yz + zz * zz),
@@ -187,11 +189,12 @@ def tangents(material, u, cells, slots, table, hoop, weights, blocks):
     full, law_matrix = np.zeros((3, 3)), np.zeros((6, 6))
     rows, turned, bent = np.zeros((corners, 6, 3)), np.zeros((6, 3)), np.zeros((3, 3))
     for c in range(len(cells)):
+        own = (material[c, 0], material[c, 1], material[c, 2], material[c, 3])
         for p in range(table.shape[1]):
             g = table[c, p]
             e = _strained(u, cells[c], g, hoop, c, p, full)
-            _, sxx, syy, szz, sxy, syz, szx = stress(material, *e)
-            stiffness(material, *e, law_matrix)
+            _, sxx, syy, szz, sxy, syz, szx = stress(own, *e)
+            stiffness(own, *e, law_matrix)
             for k in range(corners):
                 for i in range(dim):
                     for j in range(dim):
@@ -252,11 +255,12 @@ def stiffest(material, u, cells, table, hoop, weights, inverse):
     largest, row = 0.0, np.zeros(6)
     for c in range(len(cells)):
         total = 0.0
+        own = (material[c, 0], material[c, 1], material[c, 2], material[c, 3])
         for p in range(table.shape[1]):
             g = table[c, p]
             e = _strained(u, cells[c], g, hoop, c, p, full)
-            _, sxx, syy, szz, sxy, syz, szx = stress(material, *e)
-            stiffness(material, *e, law_matrix)
+            _, sxx, syy, szz, sxy, syz, szx = stress(own, *e)
+            stiffness(own, *e, law_matrix)
             for k in range(corners):
                 gx, gy = g[k, 0], g[k, 1]
                 gz = g[k, 2] if dim == 3 else 0.0

@@ -11,6 +11,7 @@ from impactfem.arrays import Floats, Integers
 from impactfem.fem import dolfinx_fem
 from impactfem.forms.finite_strain import LAWS, Moduli
 from impactfem.system.elastic import ElasticSystem
+from impactfem.system.materials import CellMaterials, materials_of
 from impactfem.system.true_stress import TrueStress
 
 OUTSIDE = 0.05
@@ -82,22 +83,22 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         mine = int(np.argmin(apart))
         told = comm.allgather((float(apart[mine]), places[mine].tolist()))
         return np.asarray(min(told)[1])
-    answer = None
+    answer, every, flat = None, materials_of(nodes, solid), solid.model == "plane_stress"
     if comm.rank == winner[2] and best is not None:
         own, at = cells[best[2]], cell.clipped(best[3])
-        x = nodes.positions[own]
+        x, made = nodes.positions[own], every.at(best[2])
         law = None
         if solid.is_finite:
             slopes, hoop = _strains(cell, x, at, axisymmetric=system.axisymmetric)
-            moduli = Moduli(solid.lame, solid.shear_modulus, solid.c01 or 0.0)
+            moduli = Moduli(made.lame, made.shear, made.c01)
             mean = _points(cell, x, axisymmetric=system.axisymmetric)
             law = TrueStress(
-                slopes, hoop[:, 0], LAWS[solid.material], moduli,
-                mean if solid.keeps_volume else None,
+                slopes, hoop[:, 0], LAWS["linear" if made.linear else "mooney_rivlin"], moduli,
+                mean if made.keeps else None,
             )  # fmt: skip
             stress = law.weights
         else:
-            stress = _stress(cell, x, at, solid, axisymmetric=system.axisymmetric)
+            stress = _stress(cell, x, at, made, flat=flat, axisymmetric=system.axisymmetric)
         answer = Located(nodes.numbers[own], cell.basis(at)[0], stress, law)
     located: Located = comm.bcast(answer, root=winner[2])
     return located
@@ -197,18 +198,15 @@ class _Cell:
 
 
 def _stress(
-    cell: _Cell, x: Floats, at: Floats, solid: Any, *, axisymmetric: bool
+    cell: _Cell, x: Floats, at: Floats, made: CellMaterials, *, flat: bool, axisymmetric: bool
 ) -> dict[str, Floats]:
     """Weights of the nodal displacements in each component of the stress [Pa/m]."""
-    modulus, nu, dim = solid.youngs_modulus, solid.poisson_ratio, x.shape[1]
-    shear = 0.5 * modulus / (1.0 + nu)
-    lame = modulus * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
-    across = solid.model == "plane_stress"
-    if across:
+    lame, shear, dim = made.lame, made.shear, x.shape[1]
+    if flat:
         lame = 2.0 * lame * shear / (lame + 2.0 * shear)
     slopes, hoop = _strains(cell, x, at, axisymmetric=axisymmetric)
     trace = slopes + hoop
-    if solid.keeps_volume and not (cell.is_simplex and cell.degree == 1):
+    if made.keeps and not (cell.is_simplex and cell.degree == 1):
         trace = _mean_trace(cell, x, axisymmetric=axisymmetric)
     found = {}
     for i, j in _ORDER[dim]:
@@ -216,7 +214,7 @@ def _stress(
         part[:, i] += shear * slopes[:, j]
         part[:, j] += shear * slopes[:, i]
         found[f"s{'xyz'[i]}{'xyz'[j]}"] = part + (lame * trace if i == j else 0.0)
-    if dim == 2 and not across:
+    if dim == 2 and not flat:
         found["szz"] = lame * trace + 2.0 * shear * hoop
     return found
 

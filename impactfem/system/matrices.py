@@ -10,6 +10,7 @@ from impactfem.arrays import Floats
 from impactfem.errors import MeshError
 from impactfem.fem import PETSc, dolfinx_fem
 from impactfem.forms.elasticity import ElasticForms
+from impactfem.system.materials import constants_of, materials_of
 from impactfem.system.nodes import Nodes
 from impactfem.system.supports import Supports
 
@@ -39,29 +40,34 @@ class BodyMatrices:
 
 
 def body_forms(nodes: Nodes, solid: Any) -> ElasticForms:
-    """Weak forms of a solid; materials are constants, so that compiled code serves all of them.
+    """Weak forms of a solid (collective).
+
+    Of one material they have constants, so that compiled code serves all such bodies, of several
+    or of one that varies functions that are constant in each cell.
 
     Args:
         nodes: Nodes of the body.
         solid: `impactfem.scene.solids.Solid`.
+
+    Raises:
+        SceneError: A formula of the material has a value that is not positive.
     """
-
-    def constant(value: float) -> Any:
-        return dolfinx_fem.Constant(nodes.space.mesh, float(value))
-
-    nu, mu = solid.poisson_ratio, solid.shear_modulus
+    material, made = materials_of(nodes, solid), constants_of(nodes, solid)
+    nu, mu = material.ratio, material.shear
     flat = solid.model == "plane_stress"
     # 2 lambda mu / (lambda + 2 mu) = 2 mu nu / (1 - nu) without the cancellation near nu = 1/2.
-    first = 2.0 * mu * nu / (1.0 - nu) if flat else solid.lame
+    first = 2.0 * mu * nu / (1.0 - nu) if flat else material.lame
+    several = solid.materials and solid.keeps_volume
     return ElasticForms(
         space=nodes.space,
         model=solid.model,
         simplex=fem.is_simplex(nodes.space.mesh),
-        density=constant(solid.density),
-        first_lame=constant(first),
-        shear_modulus=constant(mu),
-        across=constant(-nu / (1.0 - nu)),
-        thickness=constant(solid.thickness),
+        density=made(material.density),
+        first_lame=made(first),
+        shear_modulus=made(mu),
+        across=made(-nu / (1.0 - nu)),
+        thickness=dolfinx_fem.Constant(nodes.space.mesh, float(solid.thickness)),
+        kept=made(np.where(material.keeps, 1.0, 0.0)) if several else None,
     )
 
 

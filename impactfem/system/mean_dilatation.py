@@ -47,14 +47,14 @@ class _Linearised:
 class MeanDilatation:
     """The pressures of a step between two displacements."""
 
-    def __init__(self, forms: FiniteForms, before: Any, after: Any, bulk: float) -> None:
+    def __init__(self, forms: FiniteForms, before: Any, after: Any, bulk: Floats) -> None:
         """Compile the forms (collective).
 
         Args:
             forms: Their ``pressing`` is a function that is set here.
             before: Displacement at the start of the step.
             after: At its end.
-            bulk: K [Pa].
+            bulk: K of the owned cells [Pa].
         """
         self._pressing, self._bulk, self._ends = forms.pressing, bulk, (before, after)
         self._viscosity = forms.viscosity
@@ -77,7 +77,8 @@ class MeanDilatation:
 
     def energy(self) -> float:
         """U at the end of the step, of the cells of this rank [J]."""
-        return 0.5 * self._bulk * float(self._volumes @ np.log1p(self._excess(self._end)) ** 2)
+        logs = np.log1p(self._excess(self._end))
+        return 0.5 * float(self._volumes @ (self._bulk * logs**2))
 
     def forget(self) -> None:
         """Begin a step: the next tangent is its first."""
@@ -133,7 +134,7 @@ class MeanDilatation:
         return found + self._retarding * (end - start)
 
     @property
-    def _retarding(self) -> float:
+    def _retarding(self) -> Floats:
         """Pressure by a change of theta of viscous bodies [Pa]."""
         return self._bulk * float(getattr(self._viscosity, "value", self._viscosity))
 

@@ -1,6 +1,7 @@
 """Nodes of a body's displacements on this rank, in the numbering of its space."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ class Nodes:
         numbers: Canonical numbers, the same for any number of ranks, shape (owned + ghosts,).
         size: Largest extent of the whole body [m].
         facet_nodes: Nodes of a cell on each of its facets, shape (facets, nodes per facet).
+        groups: Local cells of each material, if the body has several.
     """
 
     space: Any
@@ -34,6 +36,7 @@ class Nodes:
     numbers: Integers
     size: float
     facet_nodes: Integers
+    groups: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
 
     @property
     def dim(self) -> int:
@@ -103,5 +106,11 @@ def body_nodes(body: BodyMesh) -> Nodes:
         raise MeshError("the mesh has coordinates that are not finite; make the mesh anew")
     on_facets = facet_nodes(body.cell, degree)
     return Nodes(
-        space, index_map.size_local, positions, body.numbers[geometry_node], size, on_facets
+        space,
+        index_map.size_local,
+        positions,
+        body.numbers[geometry_node],
+        size,
+        on_facets,
+        body.groups,
     )

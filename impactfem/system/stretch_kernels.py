@@ -15,7 +15,7 @@ def in_plane(u, cells, table, inverse, hoop, across, weights, known, strain, vol
         u, cells, table, inverse, weights, known, strain, volume: See there.
         hoop: Shape functions over the distance from the axis [1/m], shape (cells, points, corners)
             or with no entry.
-        across: Strain of the thickness over the sum of those in the plane.
+        across: Strain of the thickness over the sum of those in the plane, (cells,).
     """
     largest, least, above, count = 0.0, np.inf, 0.0, 0
     for c in range(len(cells)):
@@ -35,7 +35,7 @@ def in_plane(u, cells, table, inverse, hoop, across, weights, known, strain, vol
             # Half the sum and half the difference of the singular values of I + grad u.
             mean = 0.5 * math.sqrt((2.0 + xx + yy) ** 2 + (yx - xy) ** 2) - 1.0
             half = 0.5 * math.sqrt((xx - yy) ** 2 + (xy + yx) ** 2)
-            third += 2.0 * across * mean
+            third += 2.0 * across[c] * mean
             value = max(abs(mean) + half, abs(third))
             if not value <= largest:
                 largest = min(np.inf, value)  # also if it is not a number

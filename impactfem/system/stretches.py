@@ -25,6 +25,7 @@ from impactfem import fem
 from impactfem.arrays import Floats, Integers
 from impactfem.fem import MPI, dolfinx_fem
 from impactfem.system.elastic import ElasticSystem
+from impactfem.system.materials import materials_of
 from impactfem.system.stretch_kernels import in_plane, in_space
 
 _CHUNK = 10000
@@ -89,8 +90,8 @@ class Stretches:
         self._displacement = dolfinx_fem.Function(nodes.space)
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._cells = np.ascontiguousarray(nodes.space.dofmap.list[:owned])
-        nu = solid.poisson_ratio
-        self._across = -nu / (1.0 - nu) if solid.model == "plane_stress" else 0.0
+        nu = materials_of(nodes, solid).ratio[:owned] * (solid.model == "plane_stress")
+        self._across = -nu / (1.0 - nu)
         self._order = int(nodes.space.ufl_element().degree)
         self._simple = fem.is_simplex(mesh) and self._order == 1
         values, self._table, jacobian, weights = self._points(self._cells, 1 if self._simple else 2)

@@ -124,8 +124,8 @@ WRONG = {
     "unknown key of a body": put(GOOD, ("body", 0, "lenght"), 1.0),
     "key of another body": put(GOOD, ("body", 0, "far_end"), "free"),
     "missing title": {k: v for k, v in GOOD.items() if k != "title"},
-    "missing density": put(
-        GOOD, ("body", 0), {k: v for k, v in GOOD["body"][0].items() if k != "density"}
+    "missing model": put(
+        GOOD, ("body", 0), {k: v for k, v in GOOD["body"][0].items() if k != "model"}
     ),
     "no body": put(GOOD, ("body",), []),
     "one bracket": put(GOOD, ("body",), GOOD["body"][0]),

@@ -59,6 +59,7 @@ TABLES = {
     "joints = { NAME = { ... } }": language.JointStart,
     "place = { ... }": language.Place,
     "soft = { ... }": language.Soft,
+    "materials = { NAME = { ... } }": language.Material,
     "orthotropic = { e1 = ... }": language.Orthotropic,
     "layers = [{ thickness = ... }]": language.Layer,
     "minimise = [{ ... }]": language.Term,

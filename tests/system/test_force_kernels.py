@@ -38,7 +38,7 @@ def bodies(law, model, cells):
     part = solids_model(made, (1,)).parts[0]
     nodes = part.system.nodes
     space = nodes.space
-    forms = finite_forms(body_forms(nodes, part.solid), part.solid)
+    forms = finite_forms(nodes, body_forms(nodes, part.solid), part.solid)
     place = dolfinx_fem.Function(space)
     x = nodes.positions
     random = np.random.default_rng(1)

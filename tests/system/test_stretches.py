@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from solids import system
 
 from impactfem.marching.model_watch import ModelWatch
+from impactfem.scene.solids import Solid
 from impactfem.system.stretches import Look, Stretches
 
 CASES = [
@@ -22,6 +23,11 @@ CASES = [
 TURN = 0.7
 
 
+def solid(model):
+    data = {"density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.3}
+    return Solid(model=model, mesh="structured.msh", **data)
+
+
 def measured(cell, degree, model, supports=(), place=None):
     """A block of 3 x 1 (x 2), and what measures it."""
     divisions = (3, 2, 2) if model == "3d" else (4, 3)
@@ -29,7 +35,7 @@ def measured(cell, degree, model, supports=(), place=None):
     body = system(
         cell, degree, divisions, place or (lambda s: s * size), model=model, supports=supports
     )
-    return body, Stretches(body, SimpleNamespace(model=model, poisson_ratio=0.3))
+    return body, Stretches(body, solid(model))
 
 
 def turned(dim, angle=TURN):
@@ -111,7 +117,7 @@ def test_halves_that_turn_against_each_other_do_not_turn_the_whole():
 def test_one_percent_of_the_volume_may_be_strained_more():
     # 400 equal cells along x of 1 m: the four with the largest strains do not count.
     body = system("quadrilateral", 1, (400, 1), lambda s: s * [400.0, 1.0])
-    stretches = Stretches(body, SimpleNamespace(model="plane_strain", poisson_ratio=0.3))
+    stretches = Stretches(body, solid("plane_strain"))
     x = np.rint(body.positions[:, 0]).astype(int)
     strain = 1e-3 * np.arange(1, 401)
     moved = np.concatenate([[0.0], np.cumsum(strain)])[x]
@@ -149,7 +155,7 @@ def _alone(case, place):
     cell, degree, model = case
     divisions = (3, 2, 2) if model == "3d" else (4, 3)
     body = system_on(block(cell, degree, divisions, place, comm=MPI.COMM_SELF), model=model)
-    stretches = Stretches(body, SimpleNamespace(model=model, poisson_ratio=0.3))
+    stretches = Stretches(body, solid(model))
     x = body.positions
     seen = stretches.look((0.1 * np.sin(2 * x[:, ::-1]) * x).ravel(), 0.01)
     return [seen.rotation, seen.strain_max, seen.strain_99, seen.volume_ratio_min]

@@ -104,12 +104,15 @@ def _solid(scene: Scene, solid: Any) -> str:
     shape = _shape(solid) if solid.shape else f"A body with the mesh of {solid.mesh}"
     thick = f", {quantity(solid.thickness, 'm')} thick" if solid.is_plane else ""
     text = f"{shape}, {_MODELS[solid.model]}{thick}. {_state(scene, solid)}"
-    text += (
-        f" {solid.law_in_words[0].upper()}{solid.law_in_words[1:]}: Young's modulus "
-        f"{quantity(solid.youngs_modulus, 'Pa')}, Poisson's ratio "
-        f"{number(solid.poisson_ratio)}, density {quantity(solid.density, 'kg/m³')}; its fastest "
-        f"waves run at {quantity(solid.p_wave_speed, 'm/s')}."
-    )
+    for group, one in (solid.of_groups or {"": solid}).items():
+        law = f"{group}: {one.law_in_words}" if group else one.law_in_words
+        text += (
+            f" {law[0].upper()}{law[1:]}: Young's modulus {_property(one, 'youngs_modulus', 'Pa')},"
+            f" Poisson's ratio {number(one.poisson_ratio)}, density "
+            f"{_property(one, 'density', 'kg/m³')}"
+        )
+        speed = one.is_uniform and quantity(one.p_wave_speed, "m/s")
+        text += f"; its fastest waves run at {speed}." if speed else "."
     if solid.mass is not None and solid.shape is not None:
         parts = 2 ** len(solid.shape.symmetry)
         text += f" Its mass is {quantity(parts * solid.mass, 'kg')}."

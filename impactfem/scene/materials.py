@@ -1,0 +1,76 @@
+"""Materials of solids by the physical groups of their mesh files."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from impactfem.scene.boundary import SPACE
+from impactfem.scene.given import FormulaLike, Given
+from impactfem.scene.kinds import Choice, Real, RealOrFormula
+from impactfem.scene.schema import KeyedError, key, keys_of, table
+
+if TYPE_CHECKING:
+    from impactfem.scene.solids import Solid
+
+LAWS = ("linear", "neo_hookean", "mooney_rivlin")
+_ELASTIC = ("youngs_modulus", "poisson_ratio")
+_MOONEY = ("c10", "c01", "bulk_modulus")
+_OF_BODY = "as the body has it"
+
+
+@table("materials = { NAME = { ... } }")
+class Material:
+    """What one group of elements is made of.
+
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    heading: ClassVar[str] = "material"
+
+    density: Given[float | None, FormulaLike | None] = key(
+        RealOrFormula(SPACE), "mass density", unit="kg/m^3", default=None, absent=_OF_BODY
+    )
+    youngs_modulus: Given[float | None, FormulaLike | None] = key(
+        RealOrFormula(SPACE), "Young's modulus", unit="Pa", default=None, absent=_OF_BODY
+    )
+    poisson_ratio: float | None = key(
+        Real(above=-1, below=0.5), "Poisson's ratio", default=None, absent=_OF_BODY
+    )
+    material: str | None = key(Choice(LAWS), "law of the material", default=None, absent=_OF_BODY)
+    c10: float | None = key(
+        Real(at_least=0), "constant of Mooney's and Rivlin's law", unit="Pa", default=None,
+        absent=_OF_BODY,
+    )  # fmt: skip
+    c01: float | None = key(
+        Real(at_least=0), "constant of Mooney's and Rivlin's law", unit="Pa", default=None,
+        absent=_OF_BODY,
+    )  # fmt: skip
+    bulk_modulus: float | None = key(
+        Real(above=0), "bulk modulus at small strains, with c10 and c01", unit="Pa", default=None,
+        absent=_OF_BODY,
+    )  # fmt: skip
+
+
+def solids_of(solid: "Solid") -> Mapping[str, "Solid"]:
+    """A body as it would be of each of its materials alone, by the names of their groups.
+
+    Raises:
+        KeyedError: A material lacks a constant, or has one that is not allowed.
+    """
+    strain = solid.strain or ("finite" if solid.is_finite else None)
+    found = {}
+    for name, material in solid.materials.items():
+        given = {own: getattr(material, own) for own in keys_of(Material)}
+        own = {key: value for key, value in given.items() if value is not None}
+        # Constants of the body that belong to another law are not meant for this one.
+        mooney = own.get("material", solid.material) == "mooney_rivlin"
+        left: dict[str, Any] = dict.fromkeys(_ELASTIC if mooney else _MOONEY)
+        try:
+            found[name] = replace(solid, materials={}, strain=strain, **(left | own))
+        except KeyedError as error:
+            if error.key not in given:
+                raise
+            place = f"materials.{name}.{error.key}"
+            raise KeyedError(solid.kind, place, error.text) from None
+    return found

@@ -1,0 +1,209 @@
+"""Constants of the material of each cell of a body: of its group of elements, or by formulas.
+
+A formula has its mean in each cell, so that masses are those of the formula; displacements of
+degree 2 then see a material that varies in steps, to second order in the size of the cells.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from impactfem import fem
+from impactfem.arrays import Booleans, Floats
+from impactfem.errors import SceneError
+from impactfem.fem import MPI, dolfinx_fem
+from impactfem.scene.formula import Formula
+from impactfem.system.nodes import Nodes
+
+_DEGREE = 4  # of formulas that means in cells are exact for
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class CellMaterials:
+    """Constants of the cells of this rank, ghosts included, shape (cells,) each.
+
+    Attributes:
+        density: [kg/m^3].
+        modulus: Young's [Pa].
+        ratio: Poisson's.
+        c01: Of Mooney's and Rivlin's law [Pa].
+        linear: Whether the law is linear.
+        keeps: Whether the volume is kept in the mean of the cell only.
+    """
+
+    density: Floats
+    modulus: Floats
+    ratio: Floats
+    c01: Floats
+    linear: Booleans
+    keeps: Booleans
+
+    @property
+    def shear(self) -> Floats:
+        """Mu [Pa]."""
+        return self.modulus / (2.0 * (1.0 + self.ratio))
+
+    @property
+    def lame(self) -> Floats:
+        """Lambda [Pa]."""
+        nu = self.ratio
+        return self.modulus * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
+
+    @property
+    def bulk(self) -> Floats:
+        """What of lambda the mean of the volume of a cell is asked for [Pa]."""
+        return np.where(self.keeps, self.lame - 4.0 * self.c01, 0.0)
+
+    @property
+    def local(self) -> Floats:
+        """What of lambda acts at points under finite strain [Pa]."""
+        return np.where(self.keeps, 4.0 * self.c01, self.lame)
+
+    def at(self, cells: Any) -> "CellMaterials":
+        """Those of some cells, or of one."""
+        return CellMaterials(*(getattr(self, entry.name)[cells] for entry in fields(self)))
+
+
+def materials_of(nodes: Nodes, solid: Any) -> CellMaterials:
+    """Constants of each cell (collective).
+
+    Raises:
+        SceneError: A formula has a value that is not positive; on every rank.
+    """
+    topology = nodes.space.mesh.topology
+    cells = topology.index_map(topology.dim)
+    count = cells.size_local + cells.num_ghosts
+    if solid.is_uniform:
+        values = (
+            solid.density, solid.youngs_modulus, solid.poisson_ratio, solid.c01 or 0.0,
+            solid.material == "linear", solid.keeps_volume,
+        )  # fmt: skip
+        return CellMaterials(*(np.broadcast_to(value, count) for value in values))
+    means = _Means(nodes)
+    groups = nodes.groups if solid.materials else {"": np.arange(count, dtype=np.int32)}
+    found = [np.zeros(count) for _ in range(4)] + [np.zeros(count, dtype=bool) for _ in range(2)]
+    error = None
+    for name, own in groups.items():
+        one = solid.of_groups[name] if solid.materials else solid
+        where = f"materials.{name}." if solid.materials else ""
+        try:
+            numbers = [means.of(getattr(one, key), own, f"{solid.name}: {where}{key}")
+                       for key in ("density", "youngs_modulus")]  # fmt: skip
+        except SceneError as told:
+            error = told
+            break
+        constants = one.poisson_ratio, one.c01 or 0.0, one.material == "linear", one.keeps_volume
+        for column, value in zip(found, (*numbers, *constants), strict=True):
+            column[own] = value
+    fem.raise_together(nodes.comm, error)
+    return CellMaterials(*found)
+
+
+class _Means:
+    """Means of formulas in cells."""
+
+    def __init__(self, nodes: Nodes) -> None:
+        self._nodes = nodes
+        mesh = nodes.space.mesh
+        name, degree = mesh.topology.cell_type.name, int(nodes.space.ufl_element().degree)
+        points, self._parts = fem.cell_quadrature(name, _DEGREE + degree)
+        self._values, self._grads = fem.coordinate_basis(name, degree, points)
+
+    def of(self, given: float | Formula, cells: Any, what: str) -> float | Floats:
+        """A number, or the mean of a formula in each of some cells.
+
+        Raises:
+            SceneError: It is not positive at a point.
+        """
+        if not isinstance(given, Formula):
+            return given
+        corners = self._nodes.positions[self._nodes.space.dofmap.list[cells]]
+        jacobian = np.einsum("cki,jpk->cpij", corners, self._grads)
+        weights = np.abs(np.linalg.det(jacobian)) * self._parts
+        x = np.einsum("pk,cki->cpi", self._values, corners)
+        named = {axis: x[:, :, k] for k, axis in enumerate(_AXES[: x.shape[2]])}
+        values = np.broadcast_to(np.asarray(given(**named), dtype=np.float64), weights.shape)
+        bad = np.argwhere(~((values > 0.0) & np.isfinite(values)))
+        if len(bad):
+            at = tuple(bad[0])
+            place = ", ".join(f"{c:.4g}" for c in x[at])
+            raise SceneError(
+                f"body {what} = {given.text!r} is {values[at]:g} at ({place}); give a formula "
+                "that is positive in the whole body"
+            )
+        found: Floats = (weights * values).sum(axis=1) / weights.sum(axis=1)
+        return found
+
+
+def constants_of(nodes: Nodes, solid: Any) -> Callable[[Any], Any]:
+    """What makes UFL coefficients of numbers, or of values of all cells."""
+    if solid.is_uniform:
+        return lambda values: dolfinx_fem.Constant(
+            nodes.space.mesh, float(values[0]) if np.ndim(values) else float(values)
+        )
+    space = dolfinx_fem.functionspace(nodes.space.mesh, ("Discontinuous Lagrange", 0))
+    places = np.ravel(space.dofmap.list)
+
+    def function(values: Floats) -> Any:
+        made = dolfinx_fem.Function(space)
+        made.x.array[places] = values
+        return made
+
+    return function
+
+
+@dataclass(frozen=True)
+class StandIns:
+    """Bodies of one material in place of one of several, for what is foreseen.
+
+    Attributes:
+        fastest: Whose waves cross its elements in the least time of all.
+        softest: Whose waves are the slowest.
+        least: Shortest edge [m] by which that time follows from the speed of the fastest; None: as
+            the mesh has it.
+    """
+
+    fastest: Any
+    softest: Any
+    least: float | None = None
+
+
+def stand_ins(nodes: Nodes, solid: Any) -> StandIns:
+    """What stands in for a body whose material is not the same everywhere (collective)."""
+    mesh, comm = nodes.space.mesh, nodes.comm
+    own = mesh.topology.index_map(mesh.topology.dim).size_local
+    each = materials_of(nodes, solid).at(slice(own))
+    corners = nodes.positions[nodes.space.dofmap.list[:own]]
+    corners = corners[:, : fem.num_vertices(mesh.topology.cell_type.name)]
+    first, second = np.triu_indices(corners.shape[1], 1)
+    edges = np.linalg.norm(corners[:, first] - corners[:, second], axis=2).min(
+        axis=1, initial=np.inf
+    )
+    flat, nu = solid.model == "plane_stress", each.ratio
+    stiff = each.modulus / ((1 - nu) * (1 + nu)) if flat else each.lame + 2.0 * each.shear
+    speed = np.sqrt(stiff / each.density)
+    # Pressure in cells that keep their volume is levelled out by waves that steps do not follow.
+    leading = np.where(each.keeps, np.sqrt(each.shear / each.density), speed)
+
+    def alike(keys: Floats) -> Any:
+        """The body of the material for which keys are least, the same on all ranks."""
+        best = int(np.argmin(keys)) if own else 0
+        mine = None
+        if own:
+            numbers = keys[best], each.density[best], each.modulus[best], each.ratio[best]
+            mine = (*(float(f"{value:.9g}") for value in numbers), bool(each.linear[best]))
+        _, density, modulus, ratio, linear = min(told for told in comm.allgather(mine) if told)
+        law = "linear" if linear else "neo_hookean"
+        return replace(
+            solid, materials={}, density=density, youngs_modulus=modulus, poisson_ratio=ratio,
+            material=law, c10=None, c01=None, bulk_modulus=None,
+            strain="finite" if solid.is_finite else "small",
+        )  # fmt: skip
+
+    fastest = alike(edges / leading)
+    least = comm.allreduce(float((edges / speed).min(initial=math.inf)), op=MPI.MIN)
+    return StandIns(fastest, alike(speed), float(f"{fastest.p_wave_speed * least:.6g}"))
