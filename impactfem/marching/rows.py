@@ -100,6 +100,8 @@ class Rows:
         indentation, spring_energy: How far springs in gaps are pressed at most [m], and what all of
             them store [J], (rows,).
         braked_work: Of dashpots beside these springs [J], <= 0.
+        held_energy, parted_work: What adhesion stores, and what it has cost where bodies parted,
+            with the sign of work, <= 0 [J].
         impact: Impulse of impacts between nodes with mass [N s], which is none of the force.
         impact_work: Work of the contact forces between such nodes [J], <= 0.
         largest: Force of the node with the largest [N], (rows,).
@@ -126,6 +128,8 @@ class Rows:
     indentation: Floats
     spring_energy: Floats
     braked_work: Floats
+    held_energy: Floats
+    parted_work: Floats
     impact: Floats
     impact_work: Floats
     largest: Floats
@@ -151,7 +155,7 @@ class Rows:
         each: list[Any] = [
             sums,
             attitude,
-            *np.zeros((11, rows)),
+            *np.zeros((13, rows)),
             *np.zeros((2, rows), dtype=np.int64),
         ]
         each += [pair_force, pair_gap, pair_impact, np.zeros((rows, rubbing, turns))]

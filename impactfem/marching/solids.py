@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.contact.adhesion import Bonds
 from impactfem.contact.impact_law import Approach
 from impactfem.contact.layer_law import Layer, keeping, solve_layer
 from impactfem.contact.rooted import Matrix, full
@@ -96,15 +97,20 @@ class SolidMarch(TimeLoop[Interior]):
             self._rolled = cast("Rolling", interior).touched(self._gaps.spread(normals))
         if self._changes:
             self._responses.renew(self._volatile, interior.answers, interior.roots())
+        if self._bonds is not None:
+            gap, free = self._pull(self._bonds, gap, normals, (begin, last, free))
         force, multiplier, static, iterations = self._layer_forces(gap, normals, free, last)
         self.layer = layer + 1
         self.rows.put(self.layer, interior.finish(static))
         true = self._true_gap
         self._struck(force, gap)
+        held: Floats | float = 0.0
+        if self._bonds is not None:
+            held = self._hold(self._bonds, force, multiplier, normals, begin)
         half = 0.5 if explicit else 1.0
         # Along the normals of this layer: others would make work of their turning.
         led = _along(normals, self._obstacle_way(time, half))
-        self.rows.obstacle_work[self.layer] = half * float(force @ led)
+        self.rows.obstacle_work[self.layer] = half * float((force - held) @ led)
         self.rows.braked_work[self.layer] = half * self._braked
         self._end_layer(time, half, interior.surface_displacement + static)
         self.contact = ContactState(multiplier, true, state.multiplier, state.gap, static)
@@ -112,8 +118,59 @@ class SolidMarch(TimeLoop[Interior]):
         if self._scheme.shares_forces:
             # What acts at a level is the mean of the forces of its two layers.
             force = multiplier
-        self._close_row(self.layer, force, iterations)
+        self._close_row(self.layer, force - held, iterations)
         return force
+
+    def _pull(
+        self, bonds: Bonds, gap: Floats, normals: Floats, places: tuple[Floats, Floats, Floats]
+    ) -> tuple[Floats, Floats]:
+        """Let adhesion pull, and tell gaps and places without contact forces then.
+
+        Args:
+            bonds: What pulls.
+            gap: Gaps without it [m], (gaps,).
+            normals: Of them, (gaps, dim).
+            places: Displacements of contact nodes at the start, without and with what presses
+                massless ones, and at the end without contact forces [m], (nodes, dim) each.
+        """
+        interior, (begin, last, free) = self.interior, places
+        time, back = (self.layer + 1) * interior.dt, 1.0 if self._scheme.explicit else 0.5
+        before, soft = self._unsprung(self.contact.gap, self.contact.multiplier)
+        none = self._responses.parts(np.zeros(0, dtype=np.int64), np.zeros((0, normals.shape[1])))
+
+        def push(pulls: Floats) -> Floats:
+            nonlocal free
+            if not pulls.any():
+                return gap
+            forces = self._gaps.spread(-pulls[:, None] * normals)
+            interior.push(forces, None, none)
+            for part in getattr(interior, "parts", (interior,)):
+                if hasattr(part, "look"):  # rigid bodies tell where they looked last
+                    part.look()
+            free = interior.surface_iterate
+            return self._gaps.at(free, begin, last, time, back, interior.dt)[0]
+
+        after = push(bonds.begin(before, gap, soft))
+        less = bonds.shorten(before, gap, after)
+        return (push(-less) if less.any() else after), free
+
+    def _unsprung(self, gap: Floats, force: Floats) -> tuple[Floats, Booleans]:
+        """Gaps without springs [m], and which have some, (gaps,) each."""
+        if self._springs is None:
+            return gap, np.zeros(len(gap), dtype=bool)
+        return gap - self._springs.depth(force), self._springs.there
+
+    def _hold(
+        self, bonds: Bonds, force: Floats, multiplier: Floats, normals: Floats, begin: Floats
+    ) -> Floats:
+        """Take what adhesion has done in the layer; its forces [N], (gaps,)."""
+        time, interior = self.layer * self.interior.dt, self.interior
+        way = self._gaps.relative(interior.surface_displacement - begin)
+        way = way - self._gaps.shift(time) + self._gaps.shift(max(0.0, time - interior.dt))
+        after, soft = self._unsprung(self._true_gap, multiplier)
+        stored, lost = bonds.end(_along(normals, way), after, force > 0.0, soft)
+        self.rows.held_energy[self.layer], self.rows.parted_work[self.layer] = stored, -lost
+        return bonds.pull
 
     def _hand_over(self) -> None:
         """Give forces to the gaps that carry them now: nodes slide from obstacle to obstacle."""

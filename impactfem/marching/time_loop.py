@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
+from impactfem.contact.adhesion import Bonds
 from impactfem.contact.complementarity import Solver
 from impactfem.contact.friction_solver import Solving
 from impactfem.contact.impact_law import Law
@@ -63,6 +64,7 @@ class LoopSettings:
         restitution: Newton's e of each gap between nodes with mass, (pairs,); None: 0.
         poisson: Poisson's e likewise.
         springs: In the gaps; None without any.
+        bonds: What holds bodies together that have touched; None: nothing does.
         most_pairs: Of which rows are kept for each; of more none is.
         impact_law: How contacts between nodes with mass share an impact.
     """
@@ -78,6 +80,7 @@ class LoopSettings:
     restitution: Floats | None = None
     poisson: Floats | None = None
     springs: ContactSprings | None = None
+    bonds: Bonds | None = None
     most_pairs: int | None = None
     impact_law: Law = "simultaneous"
 
@@ -91,6 +94,8 @@ class LoopSettings:
             found = replace(found, friction=found.friction.some(rows))
         if found.springs is not None:
             found = replace(found, springs=found.springs.some(rows))
+        if found.bonds is not None:
+            found = replace(found, bonds=found.bonds.some(rows))
         if found.restitution is not None:
             found = replace(found, restitution=found.restitution[rows])
         if found.poisson is not None:
@@ -129,7 +134,7 @@ class TimeLoop[I: Stepper](ABC):
             self._how = settings.friction.solving
         self._restitution, self._poisson = settings.restitution, settings.poisson
         self._rubs, self._springs = settings.friction is not None, settings.springs
-        self._impacts = Impacts(settings.impact_law)
+        self._impacts, self._bonds = Impacts(settings.impact_law), settings.bonds
         self.layers, self.tolerance = layers, settings.tolerance
         self.interior = interior
         most = settings.most_pairs
@@ -152,6 +157,8 @@ class TimeLoop[I: Stepper](ABC):
         if self._springs is not None:
             true = true + self._springs.depth(acting)
         self.contact = ContactState(multiplier, true, multiplier, true, static)
+        if self._bonds is not None:
+            self._bonds.touch(true <= self.tolerance)
         sums = interior.initial(static)
         self.rows = Rows.empty(
             layers + 1, len(sums), free.shape[1], len(self.pairs), friction=self._rubs
@@ -214,6 +221,7 @@ class TimeLoop[I: Stepper](ABC):
         contact = {f"contact.{entry.name}": getattr(self.contact, entry.name) for entry in _CONTACT}
         own = {"surface": self.interior.surface_displacement, "impacts": self._impacts.seen}
         own |= self.interior.memory()
+        own |= {} if self._bonds is None else self._bonds.memory()
         return contact | own | self._gaps.memory()
 
     def restore(
@@ -235,6 +243,8 @@ class TimeLoop[I: Stepper](ABC):
         self.interior.restore(state, memory["surface"])
         self.interior.remember(memory)
         self._impacts.seen = memory["impacts"].copy()
+        if self._bonds is not None:
+            self._bonds.restore(memory)
         self._gaps.remember(memory)
         self.layer = layer
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
+from impactfem.contact.adhesion import Bonds
 from impactfem.contact.ball_crowd import BallCrowd, NearPairs
 from impactfem.contact.body_pairs import SurfacePair
 from impactfem.contact.faces import Faces
@@ -234,6 +235,12 @@ class Contacts:
         viscous = self._each(scene, lambda law: law.damping * (law.damping_law == "kelvin_voigt"))
         viscous[: len(areas)] *= areas
         return ContactSprings(*springs, (viscous, by_force) if (viscous + by_force).any() else None)
+
+    def bonds(self, scene: Scene) -> Bonds | None:
+        """What holds bodies in the gaps together that have touched; None if nothing does."""
+        force = self._each(scene, lambda law: law.adhesion.force if law.adhesion else 0.0)
+        energy = self._each(scene, lambda law: law.adhesion.energy if law.adhesion else 0.0)
+        return Bonds(force, energy) if force.any() else None
 
     def _each(self, scene: Scene, value: Callable[[Contact], float]) -> Floats:
         """Values of the laws of the gaps, 0 without one, (gaps,)."""

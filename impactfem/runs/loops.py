@@ -136,7 +136,7 @@ def make_loop(
     solver = _solver(numbers, tolerance)
     settings = LoopSettings(
         model.comm, scheme, gaps, solver, layers, tolerance, friction=law,
-        most_pairs=MOST_PAIRS, springs=contacts.springs(scene),
+        most_pairs=MOST_PAIRS, springs=contacts.springs(scene), bonds=contacts.bonds(scene),
         restitution=contacts.restitution(scene), poisson=contacts.impulsive(scene),
         impact_law=cast("Law", scene.solve.impact_law or "simultaneous"),
     )  # fmt: skip

@@ -27,7 +27,7 @@ def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats) -> Floats:
         elastic: Sums of the elastic energy [J], without that of contact for explicit schemes.
     """
     if not scheme.staggered:
-        return elastic + rows.spring_energy
+        return elastic + rows.spring_energy + rows.held_energy
     energy, held = elastic.copy(), rows.spring_energy.copy()
     if scheme.massless:
         held += rows.contact_energy

@@ -140,6 +140,7 @@ def _taken(rows: Rows, told: Mapping[str, Mapping[str, Floats]]) -> dict[str, fl
     """What has taken energy, by name [J]."""
     joints = [columns[LOST][-1] for columns in told.values() if LOST in columns]
     found = {"impacts": -float(rows.impact_work.sum()), "joints": float(sum(joints))}
+    found["adhesion"] = -float(rows.parted_work.sum())
     found["contacts that give way"] = -float(rows.braked_work.sum())
     return {name: energy for name, energy in found.items() if energy}
 

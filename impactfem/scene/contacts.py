@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from typing import ClassVar
 
-from impactfem.scene.inline import ListOf
+from impactfem.scene.given import MaybeTable
+from impactfem.scene.inline import InlineTable, ListOf
 from impactfem.scene.kinds import Choice, Name, Real, SideName
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
@@ -15,6 +16,20 @@ DAMPING_LAWS = ("kelvin_voigt", "hunt_crossley")
 """What resists indentation; see `impactfem.contact.dashpots`."""
 
 _WITH_FRICTION = ("tangential_restitution", "rolling_resistance", "spinning_resistance")
+
+
+@table("adhesion = { ... }")
+class Adhesion:
+    """What holds two bodies that have touched: a constant force up to energy / force apart.
+
+    Raises:
+        SceneError: a value is missing or not allowed.
+    """
+
+    heading: ClassVar[str] = "adhesion"
+
+    force: float = key(Real(above=0), "pull-off force", unit="N")
+    energy: float = key(Real(above=0), "what parting costs", unit="J")
 
 
 @table("[[contact]]")
@@ -76,6 +91,12 @@ class Contact:
         "a dashpot beside the spring (kelvin_voigt), or F = K d^p (1 + damping d')",
         default="kelvin_voigt",
     )
+    adhesion: MaybeTable[Adhesion] = key(
+        InlineTable((Adhesion,)),
+        "force that parts what has touched, and the energy it costs (points, balls, ends of rods "
+        "and beams)",
+        default=None, absent="nothing holds",
+    )  # fmt: skip
     friction_coefficient: float = key(Real(at_least=0), "Coulomb's coefficient", default=0.0)
     static_friction_coefficient: float | None = key(
         Real(at_least=0),

@@ -332,6 +332,8 @@ def _of_laws(scene: Content) -> str | None:
         what = "friction" if law.friction_coefficient > 0.0 else "Poisson's restitution"
         if law.friction_coefficient > 0.0 or law.by_impulses:
             return f"{what} between {' and '.join(law.between)}"
+        if law.adhesion is not None:
+            return f"the adhesion of {' and '.join(law.between)}"
         if law.stiffness is not None:
             return f"the stiffness of the contact of {' and '.join(law.between)}"
     return next(filter(None, (_of_obstacle(scene, o) for o in scene.obstacles)), None)

@@ -15,7 +15,7 @@ from impactfem.scene.joint_checks import check_joints
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.mixed import check_dimensions, check_mixed
 from impactfem.scene.obstacle_checks import check_gravity, check_obstacles
-from impactfem.scene.pair_checks import check_itself, check_pairs, check_springs
+from impactfem.scene.pair_checks import check_adhesion, check_itself, check_pairs, check_springs
 from impactfem.scene.pairing import self_meeting
 from impactfem.scene.probe_checks import check_probes
 from impactfem.scene.schema import KeyedError
@@ -68,6 +68,7 @@ def check_scene(scene: Content, gravity: object) -> None:
     check_joints(scene)
     check_itself(scene)
     check_springs(scene)
+    check_adhesion(scene)
     _check_counts(scene)
     if len(scene.bars) > 1 or (scene.bars and not scene.obstacles):
         _check_bodies(scene)

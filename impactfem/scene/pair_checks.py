@@ -12,6 +12,9 @@ from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
+_HOLDING = ("moreau_jean", "conserving", "massless")
+"""Methods whose steps take adhesion."""
+
 
 def check_pairs(scene: Content) -> None:
     """Refuse several solids that contradict each other, and laws of contact without sense.
@@ -80,6 +83,34 @@ def check_springs(scene: Content) -> None:
                 text += "itself; remove it, or take a point, a rigid ball, a bar, a plate, or a "
                 text += "half_space."
                 raise KeyedError(f"contact[{index}]", "stiffness", text)
+
+
+def check_adhesion(scene: Content) -> None:
+    """Refuse adhesion of what touches at many places, and where steps do not know it.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    known = {body.name: body for body in scene.bodies}
+    for contact, index in zip(scene.laws.each, scene.laws.origin, strict=True):
+        if contact.adhesion is None:
+            continue
+        shown = f" = {{ force = {show(contact.adhesion.force)}, ... }}: "
+        for name, _ in map(side_of, contact.between):
+            body = known.get(name)
+            if body is not None and (not body.dents or body.meshed or body.lined):
+                text = f"{shown}{name}, a {body.kind}, may touch at many places; take a point, "
+                text += "a rigid ball, or the end of a rod or beam."
+                raise KeyedError(f"contact[{index}]", "adhesion", text)
+        meshed = next((body for body in scene.bodies if body.meshed or body.lined), None)
+        if meshed is not None or scene.iterated:
+            name = scene.iterated if meshed is None else f"{meshed.name}, a {meshed.kind}"
+            text = f"{shown}steps beside {name} do not take it; remove one of them."
+            raise KeyedError(f"contact[{index}]", "adhesion", text)
+        method = scene.solve.method
+        if method is not None and method not in _HOLDING:
+            text = f" = {show(method)} knows no adhesion: give {' or '.join(map(show, _HOLDING))}."
+            raise KeyedError("solve", "method", text)
 
 
 def check_itself(scene: Content) -> None:
