@@ -37,6 +37,7 @@ CODES: Mapping[str, str] = {
     "locking": "elements are too stiff for this body",
     "ringing": "the contact force rings",
     "mesh_file": "part of a mesh file is not used as it stands",
+    "robot_file": "part of a robot file is not used as it stands",
     "drawing": "a picture could not be drawn",
 }
 """What each code stands for; a code is never given another meaning."""

@@ -15,8 +15,8 @@ import numpy as np
 from impactfem.arrays import Floats, Integers
 from impactfem.system.mechanism import Joints
 
-FREE, LOWER, UPPER, STICKS, FORTH, BACK = range(6)
-"""States of a joint: those of its limits, and of its friction by the sign of its rate."""
+FREE, LOWER, UPPER, STICKS, FORTH, BACK, DRIVEN = range(7)
+"""States of a joint: those of its limits, of its friction by the sign of its rate, and given."""
 
 _ALL_AT_ONCE, _MOST = 10, 100  # changes of states
 
@@ -28,15 +28,30 @@ class JointLaws:
     Attributes:
         joints: What acts in them.
         states: Of the rates, (v,).
+        given: Rates at the end of the layer of those that are driven, (v,).
     """
 
     joints: Joints
     states: Integers
+    given: Floats
 
     @classmethod
     def at_rest(cls, joints: Joints) -> "JointLaws":
         """No joint at a limit; those with friction stick."""
-        return cls(joints, np.where(joints.friction > 0.0, STICKS, FREE))
+        states = np.where(joints.friction > 0.0, STICKS, FREE)
+        states[list(joints.driven)] = DRIVEN
+        return cls(joints, states, np.zeros(len(states)))
+
+    def lead(self, start: float, end: float, angle: Floats, before: Floats) -> None:
+        """Learn where driven joints go in a layer, by their positions and rates now, (v,) each."""
+        for at, formula in self.joints.driven.items():
+            way = float(formula(t=end)) - angle[at]
+            self.given[at] = 2.0 * way / (end - start) - before[at]
+
+    @property
+    def driven(self) -> Integers:
+        """Rates that are given."""
+        return np.flatnonzero(self.states == DRIVEN)
 
     @property
     def stopped(self) -> bool:
@@ -47,8 +62,9 @@ class JointLaws:
         """Which rates are set, and to what, by those before the layer, (v,)."""
         at = np.flatnonzero((self.states == LOWER) | (self.states == UPPER))
         back = _back(before[at], np.where(self.states[at] == LOWER, 1.0, -1.0), self.joints, at)
-        sticks = np.flatnonzero(self.states == STICKS)
-        return np.concatenate([at, sticks]), np.concatenate([back, np.zeros(len(sticks))])
+        sticks, led = np.flatnonzero(self.states == STICKS), self.driven
+        rates = np.concatenate([back, np.zeros(len(sticks)), self.given[led]])
+        return np.concatenate([at, sticks, led]), rates
 
     def rubbing(self, dt: float) -> Floats:
         """Impulses of the friction of joints that slide, (v,)."""
@@ -86,6 +102,7 @@ class JointLaws:
             back = _back(before, np.full(len(before), way), joints, np.arange(len(before)))
             arrives = past & (way * (after - back) < -small)
             new = np.where(arrives & (states != LOWER) & (states != UPPER), state, new)
+        new = np.where(states == DRIVEN, DRIVEN, new)
         wrong = np.flatnonzero(new != states)
         if turn > _ALL_AT_ONCE:
             wrong = wrong[:1]

@@ -24,12 +24,13 @@ from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.marching.held_tree import Chords, HeldTree
 from impactfem.marching.iterated import SHARE, by_energy
-from impactfem.marching.joint_laws import JointLaws
+from impactfem.marching.joint_laws import STICKS, JointLaws
 from impactfem.marching.layers import Sums
 from impactfem.marching.mechanism_shown import ShownMechanism
 from impactfem.marching.meshless import step_length
 from impactfem.marching.stations import Held
 from impactfem.scene import PiecewiseVector
+from impactfem.scene.jets import motion_at
 from impactfem.system.mechanism import Arm
 from impactfem.system.stations import Stations
 from impactfem.system.tree import cross
@@ -138,6 +139,7 @@ class MechanismMidpoint(ShownMechanism):
         if self._exact:
             turns, places = self.bodies.tree.poses(self._q, self.bodies.moving)
             self._begun, self._leans, self._jumps = (places, turns), False, False
+        self._laws.lead(*self._ends_of_time, self._angle, self._v)
         self._prepare()
         self._settle(settled=self._leans)
         self._frozen, self._leans = self._leans, False
@@ -411,7 +413,12 @@ class MechanismMidpoint(ShownMechanism):
         arms = np.einsum("kij,kj->ki", turns[bodies.on], bodies.arms) + self._offset
         acting = np.einsum("kiv,ki->v", links[:, :3], impulses)
         acting += np.einsum("kiv,ki->v", links[:, 3:], cross(arms, impulses))
-        self._v = self._v + np.linalg.solve(self._inertia, acting)
+        inverse, led = np.linalg.inv(self._inertia), self._laws.driven
+        jumped = inverse @ acting
+        if len(led):
+            held = np.linalg.solve(inverse[np.ix_(led, led)], jumped[led])
+            jumped = jumped - inverse[:, led] @ held
+        self._v = self._v + jumped
         self._ahead = self._v.copy()
         self._begin()
 
@@ -483,14 +490,31 @@ class MechanismMidpoint(ShownMechanism):
 
     def advance(self) -> float:
         """Take the coordinates and rates that were found; the work of motors [J]."""
-        mean = 0.5 * (self._v + self._ahead)
-        work = self.span * float(self._drive @ mean)
+        mean, led = 0.5 * (self._v + self._ahead), self._laws.driven
+        work = self.span * float(self._drive @ mean) + float(self._impulses[led] @ mean[led])
         pushed = self._impulses + self._laws.rubbing(self.span)
+        pushed[led] = 0.0
         self._lost += (self.span * self.bodies.joints.damping * mean - pushed) * mean
         self._angle, end = self._ends(), self.way(1.0)
         self._q, self._v = end, self._ahead + self._kick
+        work += self._lead() if len(led) else 0.0
         self._begin()
         return work
+
+    def _lead(self) -> float:
+        """Give driven joints their rates at the end of the layer; the work of that [J].
+
+        In the layer they go where they have to be, with rates of which the mean is right.
+        """
+        laws, end = self._laws, self._ends_of_time[1]
+        joints = laws.joints.driven
+        rates = np.array([motion_at(joints[at], end).rate for at in laws.driven])
+        held = np.concatenate([laws.driven, np.flatnonzero(laws.states == STICKS)])
+        inverse, missing = np.linalg.inv(self.bodies.tree.inertia(self._q)), np.zeros(len(held))
+        missing[: len(rates)] = rates - self._v[laws.driven]
+        impulse = np.linalg.solve(inverse[np.ix_(held, held)], missing)
+        before, self._v = self._v, self._v + inverse[:, held] @ impulse
+        return float(impulse @ (0.5 * (before + self._v))[held])
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""

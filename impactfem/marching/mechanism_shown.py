@@ -34,6 +34,9 @@ class ShownMechanism(Pictured):
             }
             for joint, at in tree.single.items()
         }
+        for joint, (of, ratio, offset) in tree.followers.items():
+            q, v = (found[f"{name}.{of}"][key] for key in ("q", "v"))
+            found[f"{name}.{joint}"] = {"q": ratio * q + offset, "v": ratio * v, LOST: 0.0}
         if tree.free:
             turned = self._q[[6, 3, 4, 5]]
             spin = tree.base(self._q) @ self._v[3:6]

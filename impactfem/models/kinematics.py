@@ -96,8 +96,9 @@ def kinematics(scene: Scene) -> tuple[Kinematics, ...]:
 
 def _of(scene: Scene, body: Mechanism, where: str) -> Kinematics:
     try:
-        tree, shapes = read_mechanism(body, scene.folder)
-        _, q, _, inverse = start_of(body, tree)
+        robot = read_mechanism(body, scene.folder)
+        tree, shapes = robot.tree, robot.shapes
+        _, q, _, inverse = start_of(body, robot)
     except KeyedError as error:
         raise error.moved(where) from None
     moving = sorted({shape.joint for shape in shapes})

@@ -29,6 +29,7 @@ from impactfem.scene.apartness import Apartness
 from impactfem.scene.laws import side_of
 from impactfem.scene.pairing import named_body_pairs
 from impactfem.sizing import check_memory
+from impactfem.system.mechanism import Arm
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidsModel
@@ -186,10 +187,16 @@ def _memory(scene: Scene, layers: int, pairs: int) -> float:
 
 
 def joint_findings(model: "SolidsModel") -> list[Finding]:
-    """What joints do not determine, or compare only."""
-    joints, found = model.joints, []
+    """What joints do not determine, or compare only; what files of mechanisms have in vain."""
+    joints = model.joints
+    found = [
+        Finding("robot_file", "note", f"{bodies.names[0]}: {what}", bodies.names[0])
+        for bodies in model.few
+        if isinstance(bodies, Arm)
+        for what in bodies.left_out
+    ]
     if joints is None:
-        return []
+        return found
     if joints.redundant:
         held = int(joints.holding.sum())
         text = (

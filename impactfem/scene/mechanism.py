@@ -1,18 +1,24 @@
 """Mechanisms: trees of links and joints from URDF and MJCF files."""
 
+import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from impactfem.arrays import Floats
+from impactfem.reading.robot_xml import FileError, parsed, planes_of, rooms_of
 from impactfem.scene.body import BodyKind, Solver
+from impactfem.scene.formula import Formula
 from impactfem.scene.given import Given, MaybeFormula, MaybeTable
 from impactfem.scene.inline import InlineTable, TablesByName, Vector
-from impactfem.scene.kinds import Choice, FilePath, FormulaOf, Line, Name, Real
+from impactfem.scene.jets import motion_at
+from impactfem.scene.kinds import Choice, FilePath, FormulaOf, Line, Name, Real, Switch
+from impactfem.scene.obstacles import HalfSpace
 from impactfem.scene.rigid_keys import Orientation
 from impactfem.scene.schema import KeyedError, key, table
-from impactfem.scene.values import show
+from impactfem.scene.values import NotAllowedError, show
 
 SOLVERS = ("damped", "gauss_newton", "jacobian_transpose", "gradient")
 """Methods of inverse kinematics; see `impactfem.system.inverse_kinematics`."""
@@ -28,14 +34,20 @@ class JointStart:
 
     heading: ClassVar[str] = "joint"
 
-    position: float | None = key(
-        Real(), "at t = 0, as the file counts it", unit="rad or m", default=None,
-        absent="0, or what its limits or place make of it",
+    position: MaybeFormula = key(
+        FormulaOf(("t",)), "at t = 0, as the file counts it; a formula in t drives it",
+        unit="rad or m", default=None, absent="0, or what its limits or place make of it",
     )  # fmt: skip
-    velocity: float = key(Real(), "at t = 0", unit="rad/s or m/s", default=0.0)
+    velocity: float = key(
+        Real(), "at t = 0, of what no formula drives", unit="rad/s or m/s", default=0.0
+    )
     motor: MaybeFormula = key(
-        FormulaOf(("t", "q", "v")), "moment or force of its motor", unit="N m or N", default=None,
-        absent="none",
+        FormulaOf(("t", "q", "v")), "moment or force of its motor, in place of actuators",
+        unit="N m or N", default=None, absent="those of the file",
+    )  # fmt: skip
+    control: MaybeFormula = key(
+        FormulaOf(("t", "q", "v")), "signal of the actuator that the file gives it",
+        unit="that of the actuator", default=None, absent="0",
     )  # fmt: skip
     restitution: float = key(
         Real(at_least=0.0), "of its limits, 0 to 1: speed after by speed before", default=0.0
@@ -45,6 +57,33 @@ class JointStart:
         if self.restitution > 1.0:
             text = f" = {show(self.restitution)} would gain energy: give 0 to 1."
             raise KeyedError(self.heading, "restitution", text)
+        if self.motor is not None and self.control is not None:
+            text = f" = {show(self.control.plain)} is that of an actuator, motor replaces it: "
+            raise KeyedError(self.heading, "control", f"{text}remove one.")
+        if self.drive is None:
+            return
+        for name in ("velocity", "motor", "control"):
+            if given := getattr(self, name):
+                shown = show(given.plain if isinstance(given, Formula) else given)
+                text = f" = {shown}, but the formula of position drives the joint: remove one."
+                raise KeyedError(self.heading, name, text)
+        begun = motion_at(self.drive, 0.0)
+        if not (math.isfinite(begun.value) and math.isfinite(begun.rate)):
+            text = (
+                f" = {show(self.drive.text)} has no finite value or rate at the start: rewrite it."
+            )
+            raise KeyedError(self.heading, "position", text)
+
+    @property
+    def drive(self) -> Formula | None:
+        """What drives it; None if it only begins somewhere."""
+        given = self.position
+        return given if given is not None and "t" in given.used else None
+
+    @property
+    def start(self) -> float | None:
+        """Position at t = 0 [rad or m]; None if it is left open."""
+        return None if self.position is None else float(self.position(t=0.0))
 
 
 @table("place = { ... }")
@@ -95,10 +134,12 @@ class Mechanism(BodyKind):
     name: str = key(Name(), "name of the mechanism in histories", default="mechanism")
     file: str = key(
         FilePath(endings=(".urdf", ".xml")),
-        "URDF (.urdf) or MJCF (.xml); its meshes lie in the same folder or below",
+        "URDF (.urdf) or MJCF (.xml); its meshes lie in its folder, that of the scene or its "
+        "ROS package",
     )
     base: str = key(
-        Choice(("fixed", "free")), "whether its first link stays or moves (MJCF says it itself)",
+        Choice(("fixed", "free")), "whether its first link stays or moves (MJCF says it itself; a "
+        "URDF file of one link is a rigid body, which moves)",
         default="fixed",
     )  # fmt: skip
     position: Sequence[float] = key(
@@ -117,9 +158,14 @@ class Mechanism(BodyKind):
         default=(0.0, 0.0, 0.0),
     )  # fmt: skip
     joints: Given[Mapping[str, JointStart], Mapping[str, JointStart | Mapping[str, Any]]] = key(
-        TablesByName(JointStart), "joints by name: position, velocity, motor, restitution",
+        TablesByName(JointStart), "joints by name: position, velocity, motor, control, restitution",
         default=(),
     )  # fmt: skip
+    strict: bool = key(
+        Switch(),
+        "whether what is not read of the file is refused, instead of listed",
+        default=False,
+    )
     place: MaybeTable[Place] = key(
         InlineTable((Place,)), "inverse kinematics of the start", default=None, absent="none"
     )
@@ -127,6 +173,28 @@ class Mechanism(BodyKind):
     def _check(self) -> None:
         if self.orientation is not None:
             self.orientation.check_in_space(self.kind)
+
+    def obstacles(self, folder: Path) -> list[HalfSpace]:
+        """Planes of the world of its file, as obstacles; what is wrong with the file is told later.
+
+        Args:
+            folder: Where a relative path begins.
+        """
+        path = folder / self.file
+        if path.suffix.lower() == ".urdf":
+            return []
+        try:
+            planes = list(planes_of(parsed(path, rooms_of(path, folder))))
+        except FileError:
+            return []
+        found = []
+        for index, plane in enumerate(planes):
+            try:
+                name = Name().read(plane.name)
+            except NotAllowedError:
+                name = "floor" + (f"_{index + 1}" if index else "")
+            found.append(HalfSpace(name=name, point=plane.point, normal=plane.normal))
+        return found
 
     @property
     def turns_far(self) -> bool:

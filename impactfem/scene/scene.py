@@ -166,6 +166,12 @@ class Scene(Content):
                 except KeyedError as error:
                     raise error.moved(f"{heading}[{index}]") from None
             object.__setattr__(self, name, tuple(found))
+        taken = {entry.name for entry in (*self.bodies, *self.obstacles)}
+        planes = [plane for body in self.mechanisms for plane in body.obstacles(folder)]
+        # A scene that was written down has them as its own.
+        more = tuple(plane for plane in planes if plane.name not in taken)
+        if more:
+            object.__setattr__(self, "obstacles", (*self.obstacles, *more))
 
     @property
     def mesh_path(self) -> Path | None:

@@ -11,7 +11,7 @@ and moves what would leave its limits onto them. Source: Buss, Introduction to i
 with Jacobian transpose, pseudoinverse and damped least squares methods (2004).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -72,8 +72,10 @@ class Found:
         )
 
 
-def place_frame(body: Mechanism, place: Place, tree: Tree, start: Floats) -> Found:
-    """Find joint positions; a free base stays.
+def place_frame(
+    body: Mechanism, place: Place, tree: Tree, start: Floats, held: Sequence[int] = ()
+) -> Found:
+    """Find joint positions; a free base stays, and so do joints by their rates in `held`.
 
     Raises:
         KeyedError: There is no such frame.
@@ -83,7 +85,7 @@ def place_frame(body: Mechanism, place: Place, tree: Tree, start: Floats) -> Fou
     target = np.asarray(place.target, dtype=np.float64)
     factor = place.factor or _FACTORS.get(place.method, 0.0)
     step = _STEPS[place.method]
-    space = _Space(tree, place.frame, target)
+    space = _Space(tree, place.frame, target, held)
     q, count, best = start, 0, (np.inf, start)
     error, jacobian = space.look(q)
     last = np.inf
@@ -122,11 +124,12 @@ _STEPS: Mapping[str, Callable[..., Floats]] = {
 class _Space:
     """Joint positions within their limits, and where they put a frame."""
 
-    def __init__(self, tree: Tree, frame: str, target: Floats) -> None:
+    def __init__(self, tree: Tree, frame: str, target: Floats, held: Sequence[int]) -> None:
         self._tree, self._frame, self._target = tree, frame, target
         self._lower, self._upper = tree.limits()
         self._single = np.zeros(tree.rates, dtype=bool)
         self._single[list(tree.single.values())] = True
+        self._single[list(held)] = False
 
     def look(self, q: Floats) -> tuple[Floats, Floats]:
         """Error (3,) and Jacobian of the joints, (3, v)."""

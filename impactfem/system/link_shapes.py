@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,8 @@ from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.convex import Carrier, Convex
 
+_CORNERS = 500  # of all hulls of meshes that move, together
+_LOOKS = 256  # directions in which hulls are compared
 _MARKED = 0.25  # arm of markers, as a share of the reach of a shape
 
 type Partner = tuple[str, int]
@@ -61,6 +63,48 @@ class LinkShape:
         if self.ends is not None:
             return Convex.cylinder(self.ends - self.middle, self.girth)
         return Convex.of(self.nodes - self.middle, float(self.radius.max()))
+
+
+def coarser(
+    shapes: Sequence[LinkShape], leave: Callable[[str], None], most: int = _CORNERS
+) -> list[LinkShape]:
+    """Shapes with fewer corners, where the hulls of those that move have more than are followed.
+
+    Corners are taken where what is left stands out farthest, in evenly spread directions.
+
+    Args:
+        shapes: Of all links.
+        leave: Is told what is left out.
+        most: Corners of all hulls together.
+    """
+    hulls = [k for k, s in enumerate(shapes) if s.joint and s.ends is None and len(s.nodes) > 8]
+    if sum(len(shapes[k].nodes) for k in hulls) <= most:
+        return list(shapes)
+    turn = np.arange(_LOOKS) + 0.5
+    high, angle = 1.0 - 2.0 * turn / _LOOKS, np.pi * (1.0 + np.sqrt(5.0)) * turn
+    wide = np.sqrt(1.0 - high**2)
+    ways = np.hstack([np.eye(3), -np.eye(3), [wide * np.cos(angle), wide * np.sin(angle), high]])
+    reach = [shapes[k].nodes @ ways for k in hulls]
+    kept = [list(dict.fromkeys(each.argmax(axis=0)[:6].tolist())) for each in reach]
+    lacks = [
+        each.max(axis=0) - each[own].max(axis=0) for each, own in zip(reach, kept, strict=True)
+    ]
+    worst = np.array([each.max() for each in lacks])
+    for _ in range(most - sum(map(len, kept))):
+        k = int(np.argmax(worst))
+        if worst[k] <= 0.0:
+            break
+        kept[k].append(int(np.argmax(reach[k][:, np.argmax(lacks[k])])))
+        lacks[k] = np.minimum(lacks[k], reach[k].max(axis=0) - reach[k][kept[k][-1]])
+        worst[k] = lacks[k].max()
+    found = list(shapes)
+    for k, nodes in zip(hulls, kept, strict=True):
+        found[k] = replace(shapes[k], nodes=shapes[k].nodes[nodes], radius=shapes[k].radius[nodes])
+    leave(
+        f"hulls of meshes have {sum(len(shapes[k].nodes) for k in hulls)} corners, of which "
+        f"{sum(map(len, kept))} are kept: they stand at most {worst.max():.2g} m inside"
+    )
+    return found
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
-from impactfem.scene import Mechanism, Scene
+from impactfem.scene import Formula, Mechanism, Scene
+from impactfem.scene.breaks import check_motion
+from impactfem.scene.jets import motion_at
 from impactfem.scene.means import StepMean
+from impactfem.scene.mechanism import JointStart
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
+from impactfem.system.actuators import Acting
 from impactfem.system.few import FewBodies
 from impactfem.system.inverse_kinematics import Found, place_frame
 from impactfem.system.link_shapes import LinkNodes, Partner, named, picture
-from impactfem.system.mechanism_file import read_mechanism
+from impactfem.system.mechanism_file import Robot, read_mechanism
 from impactfem.system.stations import Asked, Stations
 from impactfem.system.tree import Tree
 
+_SAMPLES = 1001  # of the positions that formulas give
+_ROOM = 1e-9  # share of these by which they may be beyond limits
 _SINGULAR = 1e-12  # share of the largest inertia of a rate that counts as none
 
 
@@ -30,6 +36,7 @@ class Joints:
         damping: [N m s, N s/m].
         friction: Coulomb's [N m, N].
         motors: Formulas in t, q and v by rate, as their means over steps.
+        driven: Formulas in t of the positions that are given, by rate.
     """
 
     lower: Floats
@@ -38,6 +45,7 @@ class Joints:
     damping: Floats
     friction: Floats
     motors: Mapping[int, StepMean]
+    driven: Mapping[int, Formula]
 
     def drive(self, start: float, end: float, angle: Floats, v: Floats) -> Floats:
         """Mean moments and forces of the motors from one time to another [s], (v,)."""
@@ -67,6 +75,7 @@ class Arm(FewBodies):
         angles_at_start: Positions of single joints at t = 0, counted over turns, (v,).
         picture: Place in `moving`, points [m], (points, 3), in its frame, and cells.
         inverse: How `place` was found; None without it.
+        left_out: What of the file is not taken as it stands, in words.
     """
 
     tree: Tree
@@ -80,6 +89,7 @@ class Arm(FewBodies):
     angles_at_start: Floats
     picture: tuple[Integers, Floats, Integers]
     inverse: Found | None
+    left_out: tuple[str, ...] = ()
 
     @property
     def figured(self) -> Mapping[str, Mapping[str, float]]:
@@ -160,8 +170,10 @@ def mechanism_system(scene: Scene, body: Mechanism) -> Arm:
         ConvergenceError: ``place`` cannot be reached.
     """
     try:
-        tree, shapes = read_mechanism(body, scene.folder)
-        joints, q, v, found = start_of(body, tree)
+        robot = read_mechanism(body, scene.folder)
+        tree, shapes = robot.tree, robot.shapes
+        joints, q, v, found = start_of(body, robot)
+        _check_driven(body, tree, joints, scene.duration)
     except KeyedError as error:
         raise error.moved(f"body[{scene.bodies.index(body)}]") from None
     if found is not None:
@@ -205,51 +217,81 @@ def mechanism_system(scene: Scene, body: Mechanism) -> Arm:
         angles_at_start=_positions(tree, q, body),
         picture=picture(shapes, moving.index),
         inverse=found,
+        left_out=robot.left_out,
         carriers=nodes.carriers,
     )
 
 
-def start_of(body: Mechanism, tree: Tree) -> tuple[Joints, Floats, Floats, Found | None]:
+def start_of(body: Mechanism, robot: Robot) -> tuple[Joints, Floats, Floats, Found | None]:
     """Joints, coordinates, rates at t = 0, and how `place` was found.
 
     Raises:
         KeyedError: A joint is not known, begins outside its limits, or moves nothing.
     """
-    known, (lower, upper) = list(tree.single), tree.limits()
+    tree = robot.tree
+    lower, upper = tree.limits()
     restitution, q, v = np.zeros(tree.rates), tree.neutral(), np.zeros(tree.rates)
     motors: dict[int, StepMean] = {}
+    driven: dict[int, Formula] = {}
     for name, at in tree.single.items():
         tree.put(q, name, min(max(0.0, lower[at]), upper[at]))
     for name, given in body.joints.items():
-        if name not in tree.single:
-            raise named(body.kind, f"joints.{name}", name, known, "joint of one degree of freedom")
-        at, where = tree.single[name], f"joints.{name}"
-        if given.position is not None:
-            if not lower[at] <= given.position <= upper[at]:
-                text = f" = {show(given.position)} is outside its limits: give {lower[at]:.6g} to "
-                raise KeyedError(body.kind, f"{where}.position", f"{text}{upper[at]:.6g}.")
-            tree.put(q, name, given.position)
+        _check_start(body, robot, name, given)
+        at = tree.single[name]
+        if given.start is not None:
+            tree.put(q, name, given.start)
         v[at], restitution[at] = given.velocity, given.restitution
-        if given.motor is not None:
-            motors[at] = StepMean(given.motor)
-            start = {"t": 0.0, "q": tree.position(q, name), "v": v[at]}
-            if not np.isfinite(given.motor(**{n: start[n] for n in given.motor.used})):
-                text = f" = {show(given.motor.text)} has no finite value at the start: rewrite it."
-                raise KeyedError(body.kind, f"{where}.motor", text)
+        if given.drive is not None:
+            driven[at], v[at] = given.drive, motion_at(given.drive, 0.0).rate
+    for name, at in tree.single.items():
+        motor = _motor(body, robot, name, tree.position(q, name), v[at])
+        if motor is not None and at not in driven:
+            motors[at] = StepMean(motor)
     _check_inertia(body, tree, q)
-    model = tree.model
     joints = Joints(
         lower=lower,
         upper=upper,
         restitution=restitution,
-        damping=np.array(model.damping),
-        friction=np.array(model.upperDryFrictionLimit),
+        damping=tree.damping,
+        friction=tree.friction,
         motors=motors,
+        driven=driven,
     )
-    found = None if body.place is None else place_frame(body, body.place, tree, q)
+    found = None if body.place is None else place_frame(body, body.place, tree, q, list(driven))
     q = q if found is None else found.q
     _set_base_off(body, tree, q, v)
     return joints, q, v, found
+
+
+def _check_start(body: Mechanism, robot: Robot, name: str, given: JointStart) -> None:
+    """Refuse keys of a joint that there is not, beyond its limits, or for what it has not."""
+    tree, where = robot.tree, f"joints.{name}"
+    if name in tree.followers:
+        text = f" follows {show(tree.followers[name][0])} in {body.file}: give that, remove it."
+        raise KeyedError(body.kind, where, text)
+    if name not in tree.single:
+        known = list(tree.single)
+        raise named(body.kind, where, name, known, "joint of one degree of freedom")
+    low, high = (ends[tree.single[name]] for ends in tree.limits())
+    if given.start is not None and not low <= given.start <= high:
+        text = f" = {show(given.start)} is outside its limits: give {low:.6g} to {high:.6g}."
+        raise KeyedError(body.kind, f"{where}.position", text)
+    if given.control is not None and not robot.acting.get(name, Acting()).actuators:
+        text = f" = {show(given.control.plain)}, but {body.file} has no actuator of this joint "
+        raise KeyedError(body.kind, f"{where}.control", text + "that is read: give motor.")
+
+
+def _motor(body: Mechanism, robot: Robot, name: str, q: float, v: float) -> Formula | None:
+    """What acts in a joint, by the scene and the file, in t, q and v; None if nothing does."""
+    own = body.joints.get(name)
+    motor, control = (None, None) if own is None else (own.motor, own.control)
+    found = robot.acting.get(name, Acting()).formula(motor, control)
+    start = {"t": 0.0, "q": q, "v": v}
+    if found is None or np.isfinite(found(**{each: start[each] for each in found.used})):
+        return found
+    key, given = ("motor", motor) if motor is not None else ("control", control or found)
+    text = f" = {show(given.text)} has no finite value at the start: rewrite it."
+    raise KeyedError(body.kind, f"joints.{name}.{key}", text)
 
 
 def _set_base_off(body: Mechanism, tree: Tree, q: Floats, v: Floats) -> None:
@@ -271,9 +313,9 @@ def _positions(tree: Tree, q: Floats, body: Mechanism) -> Floats:
     """Positions of single joints, counted over turns as they are given, (v,)."""
     found = np.zeros(tree.rates)
     for name, at in tree.single.items():
-        given = body.joints[name].position if name in body.joints else None
-        asked = given is not None and body.place is None
-        found[at] = given if asked else tree.position(q, name)
+        given = body.joints[name].start if name in body.joints else None
+        stays = body.place is None or (name in body.joints and body.joints[name].drive is not None)
+        found[at] = given if given is not None and stays else tree.position(q, name)
     return found
 
 
@@ -285,11 +327,27 @@ def _check_inertia(body: Mechanism, tree: Tree, q: Floats) -> None:
     own, ways = np.linalg.eigh(tree.inertia(q))
     if own[0] > _SINGULAR * max(own[-1], 0.0) and np.isfinite(own).all():
         return
-    at, model = int(np.argmax(np.abs(ways[:, 0]))), tree.model
-    joint = next(k for k in range(1, model.njoints) if model.idx_vs[k] <= at < model.idx_vs[k]
-                 + model.nvs[k])  # fmt: skip
-    text = f" = {show(body.file)}: joint {show(model.names[joint])} moves nothing that has inertia "
+    joint = tree.rate_names()[int(np.argmax(np.abs(ways[:, 0])))].partition(".")[0]
+    text = f" = {show(body.file)}: joint {show(joint)} moves nothing that has inertia "
     raise KeyedError(body.kind, "file", f"{text}about it: give the links after it <inertial>.")
+
+
+def _check_driven(body: Mechanism, tree: Tree, joints: Joints, duration: float) -> None:
+    """Refuse formulas that jump or leave the limits of the joints that they drive."""
+    for name, at in tree.single.items():
+        if at not in joints.driven:
+            continue
+        formula, where = joints.driven[at], f"joints.{name}.position"
+        check_motion(body.kind, where, [formula], duration, "rad or m")
+        times = np.linspace(0.0, duration, _SAMPLES)
+        places = formula(t=times)
+        low, high = joints.lower[at], joints.upper[at]
+        room = _ROOM * np.abs(places).max()
+        if (out := (places < low - room) | (places > high + room)).any():
+            text = (
+                f" = {show(formula.text)} is outside its limits, {low:.6g} to {high:.6g}, at t = "
+            )
+            raise KeyedError(body.kind, where, f"{text}{times[np.argmax(out)]:.6g} s: rewrite it.")
 
 
 def _rate(scene: Scene, tree: Tree, joints: Joints, q: Floats, v: Floats) -> float:

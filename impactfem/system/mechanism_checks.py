@@ -1,7 +1,8 @@
 """Checks of URDF and MJCF files before Pinocchio reads them: what it would pass over or hide."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -9,10 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.reading.regular import MAX_BYTES, read_regular, reason
+from impactfem.reading.robot_xml import (
+    Defaults,
+    FileError,
+    inside,
+    parsed,
+    places_of,
+    planes_of,
+    rooms_of,
+)
 from impactfem.scene import Mechanism
 from impactfem.scene.rigid_keys import inertia_fault
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import MOST, show
+from impactfem.system.actuators import Acting, acting_in
 from impactfem.system.link_shapes import named
 
 Element = ET.Element
@@ -20,19 +31,23 @@ Element = ET.Element
 MESHES = (".stl", ".obj", ".dae")
 """Endings of the meshes of collision shapes."""
 
-_MOST_BYTES = 10 * 2**20
 _MOST_LINKS = 1000  # their inertia matrix is dense; MJCF takes 1 GiB for 300 in one chain
-_DEEPEST = 500  # elements within each other
-_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical")
 _HINGES = ("hinge", "slide", "ball", "free")
-_UNKNOWN = ("actuator", "equality", "tendon", "include", "replicate", "composite", "flexcomp")
+_GROWING = ("replicate", "composite", "flexcomp", "attach", "frame")  # bodies that are not there
+_UNREAD = {
+    "tendon": "tendons", "contact": "pairs and exclusions of contact", "sensor": None,
+    "keyframe": "key frames", "deformable": "deformable bodies", "extension": "plug-ins",
+}  # fmt: skip
 # Attributes that are no numbers, whatever they look like; that may be infinite; that are >= 0.
 _NAMES = {"name", "link", "joint", "filename", "file", "class", "childclass", "mesh", "material",
           "model"}  # fmt: skip
 _LIMITS = {"lower", "upper", "effort", "velocity", "range"}
 _SIZES = {"damping", "friction", "frictionloss", "armature", "mass", "density"}
 _TOPS = {"link", "joint"}
+_MIMIC = (("multiplier", "1"), ("offset", "0"))
 _READ = {"body", "joint", "freejoint", "geom", "inertial", "mesh"}  # of MJCF
+_SMALL = 1e-12  # moment of inertia by mass that is none [m^2]
 # How many numbers attributes have: links and joints with others are read in part, or passed over.
 _COUNTS = {
     "robot": {"xyz": 3, "rpy": 3, "size": 3, "scale": 3}
@@ -44,55 +59,105 @@ _COUNTS = {
 }  # fmt: skip
 
 
-def checked(body: Mechanism, path: Path) -> tuple[Element, list[tuple[str, bytes, str]]]:
-    """The XML of the file of a mechanism, and what meshes it names: name, content, path as given.
+@dataclass
+class Checked:
+    """A file of a mechanism whose parts Pinocchio takes, and what it has besides.
 
-    They are named ``mesh0.stl`` and so on in the XML, in order; what nothing reads is taken out.
+    Attributes:
+        body: The mechanism.
+        root: The XML for Pinocchio.
+        meshes: That it names: name there, content, path as given.
+        mimics: Joints that follow another one: this, ratio and offset.
+        spherical: Joints of URDF that turn about a place: for Pinocchio they float.
+        acting: Actuators and springs by joint.
+        left_out: What is not taken as it stands, in words, and how often.
+    """
+
+    body: Mechanism
+    root: Element
+    meshes: list[tuple[str, bytes, str]] = field(default_factory=list)
+    mimics: dict[str, tuple[str, float, float]] = field(default_factory=dict)
+    spherical: set[str] = field(default_factory=set)
+    acting: Mapping[str, Acting] = field(default_factory=dict)
+    left_out: dict[str, int] = field(default_factory=dict)
+
+    def leave(self, what: str, count: int = 1) -> None:
+        """Note what is left out.
+
+        Raises:
+            KeyedError: The scene wants the file as it stands.
+        """
+        if self.body.strict:
+            raise fail(self.body, f": {what}: correct the file, or remove strict = true.")
+        self.left_out[what] = self.left_out.get(what, 0) + count
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """What is left out, in words."""
+        return tuple(f"{what}{f' ({n} times)' * (n > 1)}" for what, n in self.left_out.items())
+
+
+def checked(body: Mechanism, path: Path, folder: Path | None = None) -> Checked:
+    """The file of a mechanism: its XML, the meshes that it names, and what it has besides.
+
+    Meshes are named ``mesh0.stl`` and so on in the XML, in order; what nothing reads is taken out.
+
+    Args:
+        body: The mechanism.
+        path: Of the file.
+        folder: Of the scene.
 
     Raises:
         KeyedError: It cannot be read, holds what is not modelled, or names meshes elsewhere.
     """
-    root = _parsed(body, path)
+    rooms = rooms_of(path, folder)
+    try:
+        root = parsed(path, rooms)
+        list(planes_of(root))  # which the scene has as obstacles
+    except FileError as error:
+        raise fail(body, str(error)) from None
+    found = Checked(body, root)
     _check_names(body, root)
-    _check_numbers(body, root)
     if root.tag == "robot":
-        _check_joints(body, root)
+        _ease(found)
+        _check_numbers(body, root)
+        _check_joints(found)
         _check_tree(body, root)
         meshes = _urdf_meshes(root)
     else:
-        _check_mjcf(body, root)
+        _check_numbers(body, root)
+        _check_mjcf(found)
+        _take_equalities(found)
         _check_classes(body, root)
+        found.acting = acting_in(found.root, found.leave)
+        _part_joints(root)
         meshes = _mjcf_meshes(root)
-    _check_masses(body, root)
-    return root, _contents(body, meshes, path.absolute().parent)
+    _check_masses(found)
+    found.meshes = _contents(body, meshes, path.absolute().parent, rooms)
+    return found
+
+
+def _ease(found: Checked) -> None:
+    """Put in what a robot of URDF needs not say, and take out what a fixed joint needs not."""
+    root = found.root
+    root.attrib.setdefault("name", "robot")
+    for joint in root.findall("joint"):
+        for axis in joint.findall("axis") if joint.get("type") == "fixed" else ():
+            joint.remove(axis)
+        own = found.body.joints.get(joint.get("name", ""))
+        for limit in joint.findall("limit"):
+            if own is not None and own.motor is not None and _number(limit.get("effort", "")):
+                found.leave("limits of effort do nothing: write them into motor", 1)
+            for key in ("effort", "velocity"):
+                limit.attrib.setdefault(key, "0")
+    for tag, what in (("transmission", "transmissions"), ("gazebo", "<gazebo>")):
+        if count := len(root.findall(tag)):
+            found.leave(f"{what} of the file", count)
 
 
 def fail(body: Mechanism, text: str) -> KeyedError:
     """The error of a file."""
     return KeyedError(body.kind, "file", f" = {show(body.file)}{text}")
-
-
-def _parsed(body: Mechanism, path: Path) -> Element:
-    try:
-        text = read_regular(path, _MOST_BYTES).decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        raise fail(body, f" cannot be read ({reason(error)}): check the path.") from None
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise fail(body, " declares a document type, which is not read: remove it.")
-    try:
-        root = ET.fromstring(text)  # noqa: S314  (no entities, limited size)
-    except (ET.ParseError, ValueError) as error:
-        raise fail(body, f" is not valid XML ({error}): correct it.") from None
-    wanted = "robot" if path.suffix.lower() == ".urdf" else "mujoco"
-    if root.tag != wanted:
-        raise fail(body, f" begins with <{root.tag}>, not <{wanted}>: give a URDF or MJCF file.")
-    within, depth = [root], 0
-    while within:
-        within, depth = [inner for element in within for inner in element], depth + 1
-        if depth > _DEEPEST:
-            text = f" has elements within each other deeper than {_DEEPEST}: give a flatter file."
-            raise fail(body, text)
-    return root
 
 
 def _name(element: Element) -> str:
@@ -116,10 +181,8 @@ def _parts(root: Element) -> Iterator[tuple[Element, str]]:
 
 
 def _check_names(body: Mechanism, root: Element) -> None:
-    """Refuse links and joints that have one name, and a robot without any."""
+    """Refuse links and joints that have one name, or none."""
     robot = root.tag == "robot"
-    if robot and "name" not in root.attrib:
-        raise fail(body, ': its <robot> has no name: write <robot name="...">.')
     known: set[tuple[str, str | None]] = set()
     links = 0
     for element in root if robot else root.iterfind("worldbody//"):
@@ -179,16 +242,19 @@ def _numbers(element: Element, key: str, count: int) -> list[float] | None:
     return given if len(found) == len(given) == count else None
 
 
-def _check_joints(body: Mechanism, root: Element) -> None:
+def _check_joints(found: Checked) -> None:
+    body, root = found.body, found.root
     links = [link.get("name", "?") for link in root.iter("link")]
+    kinds = {joint.get("name", "?"): joint.get("type") for joint in root.findall("joint")}
     for joint in root.findall("joint"):
         kind, name = joint.get("type"), _name(joint)
         if kind not in _JOINTS:
             text = f": joint {name} has type = {show(kind)}: give one of {', '.join(_JOINTS)}."
             raise fail(body, text)
-        if joint.find("mimic") is not None:
-            text = f": joint {name} mimics another one, which is not modelled: remove <mimic>."
-            raise fail(body, text)
+        for mimic in joint.findall("mimic"):
+            if kind != "fixed":
+                _take_mimic(found, joint, mimic, kinds)
+            joint.remove(mimic)
         if kind in {"revolute", "prismatic"}:
             _check_limit(body, joint.find("limit"), name)
         ends = joint.findall("parent"), joint.findall("child")
@@ -197,15 +263,34 @@ def _check_joints(body: Mechanism, root: Element) -> None:
         for (end,) in ends:
             if (link := end.get("link", "")) not in links:
                 raise named(body.kind, "file", link, links, f"link in {body.file} named")
+        if kind == "spherical":
+            joint.set("type", "floating")
+            found.spherical.add(joint.get("name", ""))
+
+
+def _take_mimic(
+    found: Checked, joint: Element, mimic: Element, kinds: Mapping[str, str | None]
+) -> None:
+    """A joint that follows another one."""
+    body, name, other = found.body, joint.get("name", ""), mimic.get("joint", "")
+    if other not in kinds or other == name:
+        what = f"other joint for {show(name)} to mimic,"
+        raise named(body.kind, "file", other, list(kinds), what)
+    numbers = (_number(mimic.get(key, each)) for key, each in _MIMIC)
+    ratio, offset = (math.nan if each is None else each for each in numbers)
+    if not (math.isfinite(ratio) and math.isfinite(offset)):
+        raise fail(body, f": <mimic> of joint {show(name)} has no finite multiplier and offset.")
+    if offset == 0.0 and kinds[other] == "fixed":  # nor does this one move
+        joint.set("type", "fixed")
+    else:
+        found.mimics[name] = other, ratio, offset
 
 
 def _check_limit(body: Mechanism, limit: Element | None, name: str) -> None:
     """Refuse a joint without the limits that its type has, or with none between them."""
-    missing = {"effort", "velocity"}.difference({} if limit is None else limit.attrib)
-    if limit is None or missing:
-        what = "<limit>" if limit is None else f"{min(missing)} in its <limit>"
-        text = f": joint {name} has no {what}: give lower, upper, effort and velocity, or make it "
-        raise fail(body, f"{text}continuous.")
+    if limit is None:
+        text = f": joint {name} has no <limit>: give lower and upper, or make it continuous."
+        raise fail(body, text)
     lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
     if lower > upper:
         text = f": joint {name} has the limits {lower:g} to {upper:g}: give the lower one first."
@@ -239,8 +324,9 @@ def _check_tree(body: Mechanism, root: Element) -> None:
         known.update(way)
 
 
-def _check_masses(body: Mechanism, root: Element) -> None:
-    """Refuse masses and inertias that no body has."""
+def _check_masses(found: Checked) -> None:
+    """Refuse masses and inertias with which nothing moves; tell those that no body has."""
+    body, root = found.body, found.root
     for link in (*root.iter("link"), *root.iter("body")):
         own = link.find("inertial")
         if own is None:
@@ -257,10 +343,13 @@ def _check_masses(body: Mechanism, root: Element) -> None:
                 continue
             text = f"{who}has no inertia: give <inertia ixx iyy izz ixy ixz iyz> beside the mass."
             raise fail(body, text)
-        if fault := inertia_fault(moments, thin=True):
-            raise fail(body, f"{who.rstrip()}{fault}")
+        negligible = np.abs(moments).max() <= _SMALL * heavy
+        if not negligible and (fault := inertia_fault(moments, thin=True)):
+            if not np.isfinite(moments).all():
+                raise fail(body, f"{who.rstrip()}{fault}")
+            found.leave(f"{who[2:].rstrip()}{fault.partition(';')[0]}, and is taken as it stands")
         if heavy == 0.0 and moments.any():
-            raise fail(body, f"{who}has inertia, but no mass: give both, or neither.")
+            found.leave(f"{who[2:]}has inertia, but no mass, and is taken as it stands")
 
 
 def _moments(element: Element) -> NDArray[np.float64] | None:
@@ -277,27 +366,84 @@ def _moments(element: Element) -> NDArray[np.float64] | None:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def _check_mjcf(body: Mechanism, root: Element) -> None:
-    for tag in _UNKNOWN:
-        if any(len(found) or found.attrib for found in root.iter(tag)):
-            remedy = "give motors by joints" if tag == "actuator" else "write the file without"
-            raise fail(body, f": <{tag}> is not modelled: {remedy}.")
+def _check_mjcf(found: Checked) -> None:
+    body, root = found.body, found.root
+    for tag in _GROWING:
+        if next(root.iter(tag), None) is not None:
+            raise fail(body, f": <{tag}> is not modelled: write the file without.")
     for joint in root.iter("joint"):
-        if any(spring.strip("0.") for spring in joint.get("stiffness", "0").split()):
-            text = f": joint {_name(joint)} has a spring, which is not read: "
-            raise fail(body, f'{text}give it by joints, as motor = "-10*q".')
         if (kind := joint.get("type", _HINGES[0])) not in _HINGES:
             text = f": joint {_name(joint)} has type = {show(kind)}: give one of "
             raise fail(body, f"{text}{', '.join(_HINGES)}.")
     world = root.find("worldbody")
     roots = [] if world is None else world.findall("body")
-    if len(roots) != 1:
+    if world is None or len(roots) != 1:
         text = f": its <worldbody> has {len(roots)} bodies: give one tree, others as [[body]]."
         raise fail(body, text)
     for link in root.iter("body"):
         if link.find("inertial") is None and any("mesh" in g.attrib for g in link.findall("geom")):
             text = f": body {_name(link)} has its mass from a mesh, which is not read: give it "
             raise fail(body, f"{text}<inertial>.")
+    _leave_out(found, world)
+
+
+def _leave_out(found: Checked, world: Element) -> None:
+    """Take out what nothing reads of MJCF, and tell what would change the motion."""
+    root, known = found.root, Defaults(found.root)
+    for tag, what in _UNREAD.items():
+        for element in root.findall(tag):
+            if what is not None and len(element):
+                found.leave(f"{what} of the file are not read", len(element))
+            root.remove(element)
+    for option in root.findall("option"):
+        if given := sorted({"gravity", "wind", "density", "viscosity"}.intersection(option.attrib)):
+            found.leave(f"<option> {', '.join(given)} of the file: the scene has its own")
+    still = world.findall("geom")
+    if others := sum(known.of(geom).get("type") != "plane" for geom in still):
+        found.leave("shapes of the world that are no planes: give [[obstacle]]", others)
+    for geom in still:
+        world.remove(geom)
+    if any("friction" in geom.attrib for geom in root.iter("geom")):
+        found.leave("friction of shapes: [[contact]] has friction_coefficient")
+
+
+def _part_joints(root: Element) -> None:
+    """Give each of several joints of a body of MJCF a body of its own, the last one what it holds.
+
+    Pinocchio would make one joint of them, without their names and limits.
+    """
+    for body in list(root.iter("body")):
+        for joint in body.findall("joint")[:-1]:
+            inner = Element("body", {k: body.attrib.pop(k) for k in ("name",) if k in body.attrib})
+            held = [each for each in body if each is not joint]
+            for each in held:
+                body.remove(each)
+            inner.extend(held)
+            body.append(inner)
+            body = inner  # noqa: PLW2901  (the next joint is in there)
+    # Without a name Pinocchio passes over what moves it.
+    known = {body.get("name") for body in root.iter("body")}
+    free = (f"body_{k}" for k in range(1, 10 * _MOST_LINKS) if f"body_{k}" not in known)
+    for body in root.iter("body"):
+        if not body.get("name"):
+            body.set("name", next(free))
+
+
+def _take_equalities(found: Checked) -> None:
+    """Joints that follow another one, of MJCF; tell other equalities."""
+    root = found.root
+    known = [joint.get("name") for joint in root.iterfind("worldbody//joint")]
+    for group in root.findall("equality"):
+        for entry in group:
+            one, other = entry.get("joint1"), entry.get("joint2")
+            numbers = [_number(word) for word in entry.get("polycoef", "0 1 0 0 0").split()]
+            linear = len(numbers) >= 2 and None not in numbers and not any(numbers[2:])
+            if entry.tag == "joint" and one in known and other in known and linear and one != other:
+                offset, ratio = numbers[:2]
+                found.mimics[str(one)] = str(other), float(ratio or 0.0), float(offset or 0.0)
+            else:
+                found.leave(f"<equality> {entry.tag}: close loops by [[joint]]")
+        root.remove(group)
 
 
 def _check_classes(body: Mechanism, root: Element) -> None:
@@ -334,19 +480,26 @@ def _mjcf_meshes(root: Element) -> Iterator[tuple[str, str, Element, str]]:
 
 
 def _contents(
-    body: Mechanism, meshes: Iterator[tuple[str, str, Element, str]], folder: Path
+    body: Mechanism,
+    meshes: Iterator[tuple[str, str, Element, str]],
+    folder: Path,
+    rooms: tuple[Path, ...],
 ) -> list[tuple[str, bytes, str]]:
-    """Read meshes, and refuse those that are missing, no meshes, or outside the folder."""
+    """Read meshes, and refuse those that are missing, no meshes, or outside the folders."""
     found: dict[Path, tuple[str, bytes, str]] = {}
     room = MAX_BYTES
     for who, given, element, key in meshes:
-        path = (folder / given).resolve()
         text, remedy = f": {who} has the mesh {show(given)}", "put it there and name it by its path"
         remedy += f" from {folder}."
-        if "://" in given:
+        places = [Path(given)] if Path(given).is_absolute() else places_of(given, folder, rooms)
+        if not places:
             raise fail(body, f"{text}, whose place only ROS knows: {remedy}")
-        if Path(given).is_absolute() or not path.is_relative_to(folder.resolve()):
-            raise fail(body, f"{text}, outside the folder of the file: {remedy}")
+        there = [each for each in places if each.exists()] or places
+        within = [path for path in (inside(each, rooms) for each in there) if path is not None]
+        if not within or Path(given).is_absolute():
+            what = "outside the folder of the file, of the scene, and of a package (package.xml)"
+            raise fail(body, f"{text}, {what}: {remedy}")
+        path = within[0]
         ending = path.suffix.lower()
         if ending not in MESHES:
             raise fail(body, f"{text}: give one of {', '.join(MESHES)}.")

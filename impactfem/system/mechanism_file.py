@@ -3,10 +3,11 @@
 import pickle  # what our own process found
 import re
 import tempfile
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -17,13 +18,15 @@ from impactfem.scene.rigid_forms import Form, form_of, hull_corners
 from impactfem.scene.rigid_keys import rotation
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-from impactfem.system.link_shapes import LinkShape
+from impactfem.system.actuators import Acting
+from impactfem.system.link_shapes import LinkShape, coarser
 from impactfem.system.mechanism_checks import checked, fail
 from impactfem.system.tree import Tree, import_pinocchio
 
+_UNEVEN = 1e-3  # share of the largest moment of inertia by which the least one may be below 0
+_SMALL = 1e-9  # moment of inertia by mass that counts [m^2]
 _FREE = 6  # rates of a free base
 _AROUND = 16  # places of the rim of a cylinder
-_MOST_CORNERS = 500  # of the hull of a mesh
 _LIBRARY = re.compile(rb"^[ \t]*mtllib[^\n]*", re.MULTILINE)
 _PROGRAM = """
 import pickle
@@ -70,33 +73,58 @@ with open(target, "wb") as file:
 """
 
 
-def read_mechanism(body: Mechanism, folder: Path | None) -> tuple[Tree, list[LinkShape]]:
-    """The tree of a mechanism, where its base is at t = 0, and its collision shapes.
+class Robot(NamedTuple):
+    """A mechanism as its file has it.
+
+    Attributes:
+        tree: Kinematics and dynamics, its base where it is at t = 0.
+        shapes: Collision shapes of its links.
+        acting: Actuators and springs by joint.
+        left_out: What of the file is not taken as it stands, in words.
+    """
+
+    tree: Tree
+    shapes: list[LinkShape]
+    acting: Mapping[str, Acting]
+    left_out: tuple[str, ...]
+
+
+def read_mechanism(body: Mechanism, folder: Path | None) -> Robot:
+    """What the file of a mechanism holds.
 
     Raises:
         KeyedError: The file cannot be read, holds what is not modelled, or names meshes elsewhere.
         MissingDependencyError: Pinocchio is not installed.
     """
-    root, meshes = checked(body, Path(folder or "", body.file))
+    file = checked(body, Path(folder or "", body.file), folder)
+    root = file.root
     pin, free = import_pinocchio(), body.base == "free"
     if free and root.tag != "robot":
         word = " of an MJCF file is what the file says: write <freejoint/> there, and remove "
         raise KeyedError(body.kind, "base", f' = "free"{word}base.')
+    free |= root.tag == "robot" and len(root.findall("link")) == 1
     try:
-        found = _read(ET.tostring(root), root.tag, tuple(meshes), free)
+        found = _read(ET.tostring(root), root.tag, tuple(file.meshes), free)
     except ApartError as error:
         raise fail(body, f": {' '.join(str(error).split())}.") from None
-    model, shapes = pickle.loads(found)  # noqa: S301  (our own process wrote it)
+    model, given = pickle.loads(found)  # noqa: S301  (our own process wrote it)
     for link in root.iter("link"):
-        read = sum(shape["link"] == link.get("name") for shape in shapes)
-        if read < len(link.findall("collision")):
-            word = f": link {show(link.get('name', '?'))} has a collision shape that is not read: "
-            word += 'give box, sphere, cylinder, mesh, or with <robot version="1.2"> capsule.'
-            raise fail(body, word)
+        read = sum(shape["link"] == link.get("name") for shape in given)
+        if (missing := len(link.findall("collision")) - read) > 0:
+            word = f"link {show(link.get('name', '?'))} has a collision shape that is not read: "
+            word += 'give box, sphere, cylinder, mesh, or with <robot version="1.2"> capsule'
+            file.leave(word, missing)
+    _check_inertias(body, model)
     there = pin.SE3(rotation(body.quaternion), np.asarray(body.position, dtype=float))
-    _move_base(pin, model, shapes, there)
-    _free_base(pin, model)
-    return Tree(model), [_shape(body, shape) for shape in shapes]
+    _move_base(pin, model, given, there)
+    _free_base(pin, model, file.spherical)
+    try:
+        tree = Tree(model, file.mimics, file.spherical)
+    except ValueError as error:
+        text = f": joint {show(str(error))} mimics itself, or is no joint of one degree of freedom "
+        raise fail(body, text + "that others may mimic: correct <mimic>.") from None
+    shapes = [_shape(body, shape) for shape in given]
+    return Robot(tree, coarser(shapes, file.leave), file.acting, file.told)
 
 
 @lru_cache(maxsize=4)  # members of ensembles have the file in common
@@ -140,10 +168,10 @@ def _move_base(pin: Any, model: Any, shapes: list[dict[str, Any]], there: Any) -
             shape |= {"turn": moved.rotation, "place": moved.translation}
 
 
-def _free_base(pin: Any, model: Any) -> None:
+def _free_base(pin: Any, model: Any, spherical: Collection[str]) -> None:
     """Let the coordinates of a free base say where it is at t = 0, not the place of its joint."""
     first = model.joints[1] if model.njoints > 1 else None
-    if first is None or model.parents[1] != 0 or first.nv != _FREE:
+    if first is None or model.parents[1] != 0 or first.nv != _FREE or model.names[1] in spherical:
         return
     known = model.referenceConfigurations
     start = pin.neutral(model)
@@ -153,6 +181,18 @@ def _free_base(pin: Any, model: Any) -> None:
     model.jointPlacements[1] = pin.SE3.Identity()
     start[:7] = pin.SE3ToXYZQUAT(pose)
     known["base"] = start
+
+
+def _check_inertias(body: Mechanism, model: Any) -> None:
+    """Refuse links, with all that is fixed to them, whose rotation would have a negative energy."""
+    for name, inertia in list(zip(model.names, model.inertias, strict=True))[1:]:
+        own = np.linalg.eigvalsh(np.array(inertia.inertia))
+        if own[0] < -_UNEVEN * max(abs(own[2]), inertia.mass * _SMALL):
+            text = f": what moves with joint {show(name)} has the principal moments "
+            text += (
+                f"{', '.join(f'{value:.6g}' for value in own)}: all have to be >= 0; check them."
+            )
+            raise fail(body, text)
 
 
 def _shape(body: Mechanism, shape: dict[str, Any]) -> LinkShape:
@@ -170,9 +210,6 @@ def _shape(body: Mechanism, shape: dict[str, Any]) -> LinkShape:
     if form is None:
         text = f": a shape of {link} is a {kind}: give boxes, spheres, capsules, "
         raise fail(body, f"{text}cylinders or meshes; what stays where it is as [[obstacle]].")
-    if len(form.nodes) > _MOST_CORNERS:
-        text = f": the hull of a mesh of {link} has {len(form.nodes)} corners: give a simpler one, "
-        raise fail(body, f"{text}of at most {_MOST_CORNERS}.")
     turn, place = shape["turn"], shape["place"]
     nodes, points = (np.asarray(place + each @ turn.T) for each in (form.nodes, form.points))
     found = LinkShape(link, shape["joint"], nodes, form.radius, points, form.cells)

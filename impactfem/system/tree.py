@@ -6,7 +6,7 @@ own (Pinocchio's are both along its own): a way dt v then goes straight, and the
 components of M v are the momentum.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,20 +44,50 @@ class Tree:
 
     Attributes:
         model: Pinocchio's.
-        single: Joints of one rate by name: the place of their rate, (joints,).
+        single: Joints of one rate of their own by name: the place of their rate.
+        followers: Joints that follow one of these: its name, ratio and offset [rad, m].
         mass: Of all that moves [kg].
         free: Whether its base is free.
     """
 
-    def __init__(self, model: Any) -> None:
-        """Take a model of Pinocchio."""
+    def __init__(
+        self,
+        model: Any,
+        mimics: Mapping[str, tuple[str, float, float]] | None = None,
+        spherical: Collection[str] = (),
+    ) -> None:
+        """Take a model of Pinocchio.
+
+        Rates of the model are L v, with constants L: joints that follow others and those that hold
+        a place add none.
+
+        Args:
+            model: Of Pinocchio.
+            mimics: Joints that follow another one: this, ratio and offset.
+            spherical: Joints of six rates of the model that only turn.
+        """
         self._pin = import_pinocchio()
         self.model, self._data = model, model.createData()
-        single = [k for k in range(1, model.njoints) if model.nvs[k] == 1]
-        self.single = {model.names[k]: int(model.idx_vs[k]) for k in single}
-        self._first = {model.names[k]: int(model.idx_qs[k]) for k in single}
-        self.free = model.njoints > 1 and model.parents[1] == 0 and model.nvs[1] == 6
-        self._below = np.tril_indices(self.rates, -1)
+        names, at, counts = list(model.names), list(model.idx_vs), list(model.nvs)
+        first = model.njoints > 1 and model.parents[1] == 0 and counts[1] == 6
+        self.free = bool(first and names[1] not in spherical)
+        single = {names[k]: int(at[k]) for k in range(1, model.njoints) if counts[k] == 1}
+        self._first = {name: int(model.idx_qs[model.getJointId(name)]) for name in single}
+        self.followers = _followers(mimics or {}, single)
+        lift = np.eye(model.nv)
+        for name, (of, ratio, _) in self.followers.items():
+            lift[single[name], single[of]] = ratio
+        held = [single[name] for name in self.followers]
+        held += [int(at[model.getJointId(name)]) + k for name in spherical for k in range(3)]
+        own = np.setdiff1d(np.arange(model.nv), held)
+        self._lift = lift[:, own] if len(held) else None
+        self._own_rates = own
+        self.single = {
+            name: int(np.searchsorted(own, place))
+            for name, place in single.items()
+            if name not in self.followers
+        }
+        self._below = np.tril_indices(model.nv, -1)
         self.mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
 
     @property
@@ -68,15 +98,35 @@ class Tree:
     @property
     def rates(self) -> int:
         """Number of v."""
-        return int(self.model.nv)
+        return len(self._own_rates)
 
     def neutral(self) -> Floats:
         """Coordinates with all joints at 0, a free base where it is at t = 0."""
         known = self.model.referenceConfigurations
-        return np.array(known["base"] if self.free else self._pin.neutral(self.model))
+        found = np.array(known["base"] if self.free else self._pin.neutral(self.model))
+        for name in {of for of, _, _ in self.followers.values()}:
+            self.put(found, name, 0.0)
+        return found
+
+    def _lifted(self, v: Floats) -> Floats:
+        """Rates of the model."""
+        return v if self._lift is None else np.asarray(self._lift @ v)
+
+    @property
+    def damping(self) -> Floats:
+        """Of joints, by rate [N m s, N s/m], (v,)."""
+        own = np.array(self.model.damping)
+        return own if self._lift is None else np.asarray(own @ self._lift**2)
+
+    @property
+    def friction(self) -> Floats:
+        """Coulomb's in joints, by rate [N m, N], (v,)."""
+        own = np.array(self.model.upperDryFrictionLimit)
+        return own if self._lift is None else np.asarray(own @ np.abs(self._lift))
 
     def integrate(self, q: Floats, way: Floats) -> Floats:
         """Coordinates after constant rates that make a way."""
+        way = self._lifted(way)
         if not self.free:
             return np.asarray(self._pin.integrate(self.model, q, way))
         turned = np.concatenate([np.zeros(3), way[3:]])
@@ -91,6 +141,7 @@ class Tree:
 
     def _own(self, q: Floats, v: Floats) -> Floats:
         """Rates as Pinocchio has them."""
+        v = self._lifted(v)
         if not self.free:
             return v
         return np.concatenate([self.base(q).T @ v[:3], v[3:]])
@@ -99,10 +150,13 @@ class Tree:
         """Derivatives by Pinocchio's rates (..., v) as those by ours."""
         if self.free:
             columns[..., :3] = columns[..., :3] @ self.base(q).T
-        return columns
+        return columns if self._lift is None else np.asarray(columns @ self._lift)
 
     def put(self, q: Floats, name: str, value: float) -> None:
-        """Set the position of a single joint [rad, m] in coordinates."""
+        """Set the position of a single joint [rad, m] in coordinates, and of what follows it."""
+        for other, (of, ratio, offset) in self.followers.items():
+            if of == name:
+                self.put(q, other, ratio * value + offset)
         first = self._first[name]
         if self.model.nqs[self.model.getJointId(name)] == 1:
             q[first] = value
@@ -119,22 +173,28 @@ class Tree:
     def limits(self) -> tuple[Floats, Floats]:
         """Lower and upper positions of single joints by rate, infinite without, (v,) each."""
         lower, upper = np.full(self.rates, -np.inf), np.full(self.rates, np.inf)
-        for name, at in self.single.items():
-            if self.model.nqs[self.model.getJointId(name)] == 1:
-                first = self._first[name]
-                lower[at] = self.model.lowerPositionLimit[first]
-                upper[at] = self.model.upperPositionLimit[first]
         huge = 1e30  # what files without limits become
-        lower[lower < -huge], upper[upper > huge] = -np.inf, np.inf
+        for name, first in self._first.items():
+            if self.model.nqs[self.model.getJointId(name)] != 1:
+                continue
+            low, high = self.model.lowerPositionLimit[first], self.model.upperPositionLimit[first]
+            ends = [low if low >= -huge else -np.inf, high if high <= huge else np.inf]
+            of, ratio, offset = self.followers.get(name, (name, 1.0, 0.0))
+            if ratio == 0.0:
+                continue
+            ends = sorted((end - offset) / ratio for end in ends)
+            at = self.single[of]
+            lower[at], upper[at] = max(lower[at], ends[0]), min(upper[at], ends[1])
         return lower, upper
 
     def inertia(self, q: Floats) -> Floats:
         """Mass matrix M(q), (v, v)."""
-        size = self.rates  # Pinocchio drops axes of length 1
+        size = self.model.nv  # Pinocchio drops axes of length 1
         found = np.array(self._pin.crba(self.model, self._data, q)).reshape(size, size)
         found[self._below] = found.T[self._below]  # it fills in what is above
         whole = self._fixed(q, found)
-        return self._fixed(q, whole.T.copy()) if self.free else whole
+        twice = self.free or self._lift is not None
+        return self._fixed(q, whole.T.copy()) if twice else whole
 
     def whirl(self, q: Floats, v: Floats) -> Floats:
         """C(q, v)^T v, (v,), without that of a free base, which is 0 but for what turns with it.
@@ -143,9 +203,9 @@ class Tree:
         """
         own = self._own(q, v)
         found = self._pin.computeCoriolisMatrix(self.model, self._data, q, own)
-        whirl = np.reshape(found, (len(v), len(v))).T @ own
+        whirl = np.reshape(found, (len(own), len(own))).T @ own
         whirl[: 6 * self.free] = 0.0
-        return np.asarray(whirl)
+        return np.asarray(whirl if self._lift is None else whirl @ self._lift)
 
     def centre(self, q: Floats) -> Floats:
         """Centre of mass [m], (3,)."""
@@ -154,7 +214,7 @@ class Tree:
     def centre_jacobian(self, q: Floats) -> Floats:
         """Its velocities by the rates, (3, v)."""
         found = self._pin.jacobianCenterOfMass(self.model, self._data, q)
-        return self._fixed(q, np.reshape(np.array(found), (3, self.rates)))
+        return self._fixed(q, np.reshape(np.array(found), (3, self.model.nv)))
 
     def momenta(self, q: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Momentum [kg m/s], and angular momentum about the centre of mass [kg m^2/s], (3,)."""
@@ -174,7 +234,7 @@ class Tree:
         pin.computeJointJacobians(model, data, q)
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         found = [pin.getJointJacobian(model, data, joint, axes) for joint in joints]
-        return self._fixed(q, np.array(found).reshape(-1, 6, self.rates))
+        return self._fixed(q, np.array(found).reshape(-1, 6, self.model.nv))
 
     def frames(self) -> list[str]:
         """Names of links, joints and other frames of the file."""
@@ -188,8 +248,10 @@ class Tree:
     def rate_names(self) -> list[str]:
         """Names of the rates: of joints, with a number behind it where they have several."""
         found: list[str] = []
-        for name, count in list(zip(self.model.names, self.model.nvs, strict=True))[1:]:
-            found += [name] if count == 1 else [f"{name}.{k}" for k in range(count)]
+        joints = zip(self.model.names, self.model.idx_vs, self.model.nvs, strict=True)
+        for name, first, count in list(joints)[1:]:
+            own = np.intersect1d(self._own_rates, np.arange(first, first + count))
+            found += [f"{name}.{k}" for k in range(len(own))] if count > 1 else [name] * len(own)
         return found
 
     def links(self) -> dict[str, int]:
@@ -205,7 +267,31 @@ class Tree:
         pose = pin.updateFramePlacement(model, data, at)
         x, y, z, w = pin.Quaternion(pose.rotation).coeffs()
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        jacobian = np.array(pin.getFrameJacobian(model, data, at, axes)).reshape(6, self.rates)
+        jacobian = np.array(pin.getFrameJacobian(model, data, at, axes)).reshape(6, self.model.nv)
         turn = np.array([w, x, y, z])
         turn *= -1.0 if w < 0.0 else 1.0
         return np.array(pose.translation), turn, self._fixed(q, jacobian)
+
+
+def _followers(
+    mimics: Mapping[str, tuple[str, float, float]], single: Collection[str]
+) -> dict[str, tuple[str, float, float]]:
+    """Joints that follow one with a rate of its own, through chains of such.
+
+    Raises:
+        ValueError: One has not one rate, or they follow each other; it names the joint.
+    """
+    found = {}
+    for name in mimics:
+        of, ratio, offset = name, 1.0, 0.0
+        for _ in range(len(mimics) + 1):
+            if of not in single:
+                raise ValueError(of)
+            if of not in mimics:
+                break
+            of, by, beside = mimics[of]
+            ratio, offset = ratio * by, ratio * beside + offset
+        else:
+            raise ValueError(name)
+        found[name] = (of, ratio, offset)
+    return found
