@@ -172,9 +172,8 @@ def test_a_driven_joint_and_one_that_mimics_restart_to_the_last_bit(tmp_path, mo
         + JOINT.format("three", "continuous", "lower", "hand", 0.5, '<mimic joint="one"/>')
         + "</robot>",
     )
-    made = scene(
-        tmp_path, text, joints={"two": {"position": "0.3*sin(8*t)"}}, more={"duration": 0.1}
-    )
+    more = {"duration": 0.1, "output": {"checkpoint": 20}}
+    made = scene(tmp_path, text, joints={"two": {"position": "0.3*sin(8*t)"}}, more=more)
     check_restart(made, 60, tmp_path, monkeypatch)
 
 
