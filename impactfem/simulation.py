@@ -78,7 +78,7 @@ class Simulation:
         scene = scene if isinstance(scene, Scene) else Scene.from_toml(scene)
         if settings:
             scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
-        if not scene.marches:
+        if scene.solver != "march":
             raise SceneError(_refusal(scene))
         from impactfem.runs.marched import strained  # noqa: PLC0415  (loads DOLFINx)
         from impactfem.runs.solids import prepare  # noqa: PLC0415

@@ -29,7 +29,7 @@ def checkpoint_every(scene: Scene, plan: Plan[Any]) -> float:
     """
     if scene.output.checkpoint is not None:
         return float(scene.output.checkpoint)
-    if not scene.marches or plan.seconds is None or plan.seconds <= _LONG:
+    if scene.solver != "march" or plan.seconds is None or plan.seconds <= _LONG:
         return 0.0
     return _BETWEEN / plan.seconds
 

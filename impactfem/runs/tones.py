@@ -1,5 +1,6 @@
 """Natural frequencies of a body of a scene, as its model has them."""
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -35,28 +36,36 @@ def natural_frequencies(scene: Scene, name: str, count: int = _COUNT) -> Floats:
     if body is None:
         known = ", ".join(bodies)
         raise SceneError(f"spectrum: there is no body {show(name)}; give one of {known}")
-    if isinstance(body, Bar):
-        return _of_bar(body, count)
-    if isinstance(body, Beam):
-        from impactfem.system.beam_parts import beam_parts  # noqa: PLC0415
-
-        parts = beam_parts(body)
-        return _sounding(eigh(parts.stiffness, parts.mass, eigvals_only=True), count)
-    if not isinstance(body, Solid | Plate):
+    told = _TOLD.get(type(body))
+    if told is None:
         raise SceneError(
             f"spectrum: {show(name)} is a {body.kind}, which has no modes of its own here: give a "
             "bar, beam, plate or solid"
         )
+    return told(scene, body, count)
+
+
+def _of_beam(_: Scene, beam: Beam, count: int) -> Floats:
+    from impactfem.system.beam_parts import beam_parts  # noqa: PLC0415
+
+    parts = beam_parts(beam)
+    return _sounding(eigh(parts.stiffness, parts.mass, eigvals_only=True), count)
+
+
+def _of_plate(scene: Scene, plate: Plate, count: int) -> Floats:
     from impactfem.models.solids import solids_model  # noqa: PLC0415  (loads DOLFINx)
-    from impactfem.system.plate import PlateSystem  # noqa: PLC0415
     from impactfem.system.plate_tones import vibrations  # noqa: PLC0415
 
     model = solids_model(scene, plan(scene).numbers.degrees)
-    for few in model.few:
-        if isinstance(few, PlateSystem) and few.names == (name,):
-            mass = few.weight * ~few.light
-            return np.asarray(vibrations(few.stiffness, mass, count)[0] / (2.0 * np.pi))
-    part = next(part for part in model.parts if part.solid.name == name)
+    few: Any = next(few for few in model.few if plate.name in few.names)
+    return np.asarray(vibrations(few.stiffness, few.weight * ~few.light, count)[0] / (2.0 * np.pi))
+
+
+def _of_solid(scene: Scene, solid: Solid, count: int) -> Floats:
+    from impactfem.models.solids import solids_model  # noqa: PLC0415  (loads DOLFINx)
+
+    model = solids_model(scene, plan(scene).numbers.degrees)
+    part = next(part for part in model.parts if part.solid.name == solid.name)
     return _of_matrices(part.system, count)
 
 
@@ -81,7 +90,7 @@ def _sparse(matrix: Any) -> csr_matrix:
     return csr_matrix((values, columns, starts), shape=matrix.getSize())
 
 
-def _of_bar(bar: Bar, count: int) -> Floats:
+def _of_bar(_: Scene, bar: Bar, count: int) -> Floats:
     if bar.profile is not None:
         raise SceneError(
             f"spectrum: modes of {show(bar.name)} are told of bars that are the same along their "
@@ -96,3 +105,9 @@ def _sounding(squares: Floats, count: int) -> Floats:
     ordered = np.sort(np.real(squares))[: count + 6]
     first = int((ordered <= _RIGID * ordered[-1]).sum())
     return np.asarray(np.sqrt(ordered[first : first + count]) / (2.0 * np.pi))
+
+
+_TOLD: Mapping[type[Any], Callable[[Scene, Any, int], Floats]] = {
+    Bar: _of_bar, Beam: _of_beam, Plate: _of_plate, Solid: _of_solid,
+}  # fmt: skip
+"""Who tells the frequencies of each kind of body."""

@@ -1,8 +1,8 @@
 """Drops: bodies turned, placed where they touch first, with the speed of a fall."""
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from impactfem.scene.inline import InlineTable
 from impactfem.scene.kinds import Real
 from impactfem.scene.points import Point
 from impactfem.scene.rigid import RigidBody
-from impactfem.scene.rigid_forms import form_of
+from impactfem.scene.rigid_forms import Form, form_of
 from impactfem.scene.rigid_keys import Orientation, rotation
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.solids import Solid
@@ -149,17 +149,20 @@ def _turn(drop: Drop, dim: int) -> Floats:
 
 def _outline(body: Any) -> tuple[Floats, Floats]:
     """Centres (n, dim) and radii (n,) of balls that reach as far as a body [m]."""
-    if isinstance(body, Point):
-        return np.array([body.position], dtype=np.float64), np.array([body.radius])
-    if isinstance(body, RigidBody):
-        form, at, turn = body.form, body.center, body.rotation
-    elif isinstance(body, Solid) and body.mesh is None:
-        form = form_of(body.shape)
-        at, turn = form.centre, np.eye(form.dim)
-    else:
+    faller = _FALLERS.get(type(body))
+    if faller is None or (getattr(body, "shape", body) is None and not faller.takes_mesh):
         text = f" drops points, rigid bodies and solids with a shape; {body.name} is "
-        kind = "a solid from a mesh file" if isinstance(body, Solid) else f"a {body.kind}"
+        kind = f"a {body.kind}" if faller is None else f"a {body.kind} from a mesh file"
         raise KeyedError("drop", "height", f"{text}{kind}: give its place and velocity instead.")
+    return faller.outline(body)
+
+
+def _of_point(body: Point) -> tuple[Floats, Floats]:
+    return np.array([body.position], dtype=np.float64), np.array([body.radius])
+
+
+def _of_form(form: Form, at: Floats, turn: Floats) -> tuple[Floats, Floats]:
+    """Of a shape that is turned about a place."""
     nodes, radius = form.nodes, form.radius
     if len(form.rim):
         around = np.linalg.norm(form.rim, axis=1)
@@ -209,21 +212,26 @@ def _way(scene: "Scene", nodes: Floats, radius: Floats, down: Floats, size: floa
 
 def _place(body: Any, tables: dict[str, Any], move: _Move, drop: Drop) -> None:
     """Turn and move the tables of a body."""
-    if isinstance(body, Point):
+    centre = _FALLERS[type(body)].turned(body, tables, move, drop)
+    if "shape" not in tables and "mesh" not in tables:  # a point
         tables["position"] = move.point(tables["position"])
         return
-    if isinstance(body, RigidBody):
-        centre = body.center
-        if move.turns:
-            _orient(body, tables, move)
-    else:
-        centre = form_of(body.shape).centre
-        _check_even(body, tables)
-        if move.turns:
-            _turn_solid(body, tables, drop)
     for refined in tables.get("refine", ()):
         refined["point"] = move.point(refined["point"])
     _shift(tables, np.asarray(move.point(centre)) - centre)
+
+
+def _rigid_turned(body: RigidBody, tables: dict[str, Any], move: _Move, _: Drop) -> Floats:
+    if move.turns:
+        _orient(body, tables, move)
+    return body.center
+
+
+def _solid_turned(body: Solid, tables: dict[str, Any], move: _Move, drop: Drop) -> Floats:
+    _check_even(body, tables)
+    if move.turns:
+        _turn_solid(body, tables, drop)
+    return form_of(body.shape).centre
 
 
 def _shift(tables: dict[str, Any], shift: Floats) -> None:
@@ -286,3 +294,29 @@ def _turn_solid(body: Solid, tables: Mapping[str, Any], drop: Drop) -> None:
 
 def _plus(given: float | str, more: float) -> float | str:
     return f"{more!r} + ({given})" if isinstance(given, str) else given + more
+
+
+class _Faller(NamedTuple):
+    """How a kind of body falls.
+
+    Attributes:
+        outline: Balls that reach as far as it.
+        turned: Turns its tables; its centre [m], (dim,).
+        takes_mesh: Whether it may have a mesh instead of a shape.
+    """
+
+    outline: Callable[[Any], tuple[Floats, Floats]]
+    turned: Callable[[Any, dict[str, Any], _Move, Drop], Floats]
+    takes_mesh: bool = True
+
+
+_FALLERS: Mapping[type[Any], _Faller] = {
+    Point: _Faller(_of_point, lambda body, *_: np.asarray(body.position)),
+    RigidBody: _Faller(
+        lambda body: _of_form(body.form, body.center, body.rotation), _rigid_turned
+    ),
+    Solid: _Faller(
+        lambda body: _of_form(form := form_of(body.shape), form.centre, np.eye(form.dim)),
+        _solid_turned, takes_mesh=False,
+    ),
+}  # fmt: skip
