@@ -30,10 +30,10 @@ class HeldByRows[B: Coordinates]:
     """Stations whose rates are rows of those of coordinates: what contact does goes by these.
 
     Attributes:
-        part: The bodies.
+        by: What moves the coordinates.
     """
 
-    part: B
+    by: B
     _rows: Floats  # (6 stations, d)
 
     def _each(self, values: Floats) -> Floats:
@@ -46,15 +46,15 @@ class HeldByRows[B: Coordinates]:
 
     def reached(self, forces: Floats) -> Floats:
         """By what contact forces make of all rates."""
-        return self._each(self.part.reached(forces) @ self._rows.T)
+        return self._each(self.by.reached(forces) @ self._rows.T)
 
     def carried(self, wrenches: Floats) -> Floats:
         """With all rates."""
-        return self.part.carried(wrenches.reshape(len(wrenches), -1) @ self._rows)
+        return self.by.carried(wrenches.reshape(len(wrenches), -1) @ self._rows)
 
     def strike(self, forces: Floats) -> None:
         """Add contact forces."""
-        self.part.strike(forces)
+        self.by.strike(forces)
 
     def whirled(self, moments: Floats) -> Floats:
         """Nothing: contact has no moments on what does not roll."""
@@ -124,16 +124,16 @@ class HeldLumped(HeldByRows[Linear]):
         jumped: Never.
     """
 
-    def __init__(self, part: Linear, stations: Stations) -> None:
-        """Hold them."""
+    def __init__(self, by: Linear, stations: Stations, part: Counting | None = None) -> None:
+        """Hold them; what marches them if it is not what moves their coordinates."""
         if stations.rows is None:
             raise NotImplementedError
         self.jumped = False
-        self.part, count = part, len(stations.places)
+        self.by, self.part, count = by, part or by, len(stations.places)
         self._rows = stations.rows.reshape(6 * count, -1)
         self._places = stations.places
         self._turns = self._ends = stations.turns
-        self._rest = part.joined_coordinates.copy()
+        self._rest = by.joined_coordinates.copy()
         self._wrench = np.zeros(6 * count)
         self._renew()
         moved, turned = np.diag(self._flat).reshape(count, 2, 3).sum(axis=(0, 2))
@@ -142,18 +142,18 @@ class HeldLumped(HeldByRows[Linear]):
 
     def _renew(self) -> None:
         """How stations answer to impulses in the layer, (6 stations, 6 stations)."""
-        self._flat = self._rows @ self.part.reach @ self._rows.T
+        self._flat = self._rows @ self.by.reach @ self._rows.T
 
     @property
     def compliance_ahead(self) -> Floats:
         """At its end."""
         count = len(self._places)
-        flat = self._rows @ self.part.reach_ahead @ self._rows.T
+        flat = self._rows @ self.by.reach_ahead @ self._rows.T
         return np.asarray(flat.reshape(count, 6, count, 6))
 
     def set_out(self, start: float, end: float) -> None:
         """Take up a step."""
-        self.part.set_out(start, end)
+        self.by.set_out(start, end)
         self._wrench = np.zeros(len(self._rows))
         self._renew()
 
@@ -164,7 +164,7 @@ class HeldLumped(HeldByRows[Linear]):
     @property
     def frames(self) -> tuple[Floats, Floats]:
         """Where the stations are."""
-        return self._moved(self.part.joined_coordinates - self._rest), self._turns
+        return self._moved(self.by.joined_coordinates - self._rest), self._turns
 
     def _rates(self, rates: Floats) -> tuple[Floats, Floats]:
         found = self._each(self._rows @ rates)
@@ -173,11 +173,11 @@ class HeldLumped(HeldByRows[Linear]):
     @property
     def rates(self) -> tuple[Floats, Floats]:
         """Of the stations."""
-        return self._rates(self.part.rates)
+        return self._rates(self.by.rates)
 
     def impulses(self) -> tuple[Floats, Floats]:
         """Changes of their rates without joints, as forces are now."""
-        part = self.part
+        part = self.by
         changed = self._each(
             self._rows @ (part.rates_ahead - part.rates) - self._flat @ self._wrench
         )
@@ -186,28 +186,28 @@ class HeldLumped(HeldByRows[Linear]):
     def take(self, motion: Motion) -> bool:
         """Move all coordinates by the impulses of the joints."""
         self._wrench, self._ends = motion.wrenches.ravel(), motion.ends
-        linear = self.part.impel(self._rows.T @ self._wrench)
+        linear = self.by.impel(self._rows.T @ self._wrench)
         if linear:
             return True
         self._renew()
-        found, size, off = self._rates(self.part.rates_ahead), 0.0, 0.0
+        found, size, off = self._rates(self.by.rates_ahead), 0.0, 0.0
         each = zip(found, (motion.speeds, motion.spins), (1.0, self._arm), strict=True)
         for rates, thought, arm in each:
             size = max(size, arm * float(np.abs(rates).max()))
             off = max(off, arm * float(np.abs(rates - thought).max()))
-        return bool(off <= _SETTLED * size + self.part.noise)
+        return bool(off <= _SETTLED * size + self.by.noise)
 
     @property
     def places_ahead(self) -> tuple[Floats, Floats]:
         """At the end of the layer."""
-        part = self.part
+        part = self.by
         mean = 0.5 * (part.rates + part.rates_ahead)
         return self._moved(part.joined_coordinates + part.span * mean - self._rest), self._ends
 
     @property
     def rates_ahead(self) -> Floats:
         """In space."""
-        return self._each(self._rows @ self.part.rates_left)
+        return self._each(self._rows @ self.by.rates_left)
 
     @property
     def compliance(self) -> Floats:
@@ -217,7 +217,7 @@ class HeldLumped(HeldByRows[Linear]):
 
     def leave(self, wrenches: Floats) -> None:
         """Change all rates at the end, as impulses without time for anything else do."""
-        self.part.kick(self._rows.T @ wrenches.ravel())
+        self.by.kick(self._rows.T @ wrenches.ravel())
 
     def finish(self) -> None:
         """Keep the rotations."""
@@ -225,7 +225,7 @@ class HeldLumped(HeldByRows[Linear]):
 
     def settle(self) -> None:
         """Begin where the body has come to rest."""
-        moved = self._each(self._rows @ (self.part.joined_coordinates - self._rest))
+        moved = self._each(self._rows @ (self.by.joined_coordinates - self._rest))
         self._turns = self._ends = Rotation.from_rotvec(moved[:, 3:]).as_matrix() @ self._turns
 
     def memory(self) -> dict[str, Floats]:

@@ -80,7 +80,8 @@ class HeldTree(HeldByRows["MechanismMidpoint"]):
         """Hold it."""
         links = part.bodies.tree.links()
         self._joints = [links[name.partition("/")[2]] for name in stations.names]
-        self.part, self._count = part, len(stations.names)
+        self.by = self.part = part
+        self._count = len(stations.names)
         self._wrench = np.zeros(6 * self._count)
         self._rows = self._jacobians(part.coordinates)
         self.compliance = stations.compliance

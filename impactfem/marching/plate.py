@@ -12,6 +12,7 @@ the middle less the start.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -21,13 +22,16 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from impactfem.arrays import Floats
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
+from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.layers import Sums
 from impactfem.marching.plate_shown import ShownPlate
 from impactfem.marching.plate_start import PlateAtRest
 from impactfem.marching.plate_step import PlateStep
+from impactfem.marching.plate_tips import PlateTips
 from impactfem.scene import PiecewiseVector
 from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate import PlateSystem
+from impactfem.system.stations import Stations
 from impactfem.system.surface import CHOLESKY
 
 _STIFFENING = 0.488
@@ -47,6 +51,7 @@ class PlateMidpoint(ShownPlate):
 
     Attributes:
         pulls: Of friction in the plane [N], of one that stretches.
+        before: Coordinates at the start of the layer, (d,).
     """
 
     pulls: Floats = np.zeros(0)
@@ -86,7 +91,8 @@ class PlateMidpoint(ShownPlate):
         self._loads = self._pressed(0.0, 0.0)  # of the layer
         # At the start slopes are in equilibrium, and so is what touches, unless it is asked for.
         self._settle_slopes(self._q)
-        self._begun = self._q.copy()
+        self._begun, self.before = self._q.copy(), self._q.copy()
+        self._kicked: Floats | float = 0.0
         self._start = bodies.places(self._q)
         self._free = self._at_ease()
 
@@ -155,7 +161,7 @@ class PlateMidpoint(ShownPlate):
         """Begin elsewhere, as `displaced` has it; mass times the way there [kg m], (3,)."""
         self.pulls = pulls.copy()
         fallen = float(self._pull @ (place - self._q))
-        self._q, self._shown = place.copy(), None
+        self._q, self.before, self._shown = place.copy(), place.copy(), None
         self._free = self._at_ease()
         self._loads = self._pressed(0.0, 0.0)
         return np.asarray(fallen * self._normal)
@@ -204,10 +210,10 @@ class PlateMidpoint(ShownPlate):
         motion = self._layer.motion(self._q, self._v, self.dt)
         weight = self._mass * float(self.gravity(start, end) @ self._normal)
         middle = self._layer.solve(motion + weight + self._loads)
-        self._before = self._q.copy()
-        self._q, self._shown = self._before.copy(), None
+        self.before = self._q.copy()
+        self._q, self._shown = self.before.copy(), None
         heavy, advance = self._heavy, self._layer.advance
-        self._q[heavy] = advance * middle[heavy] + (1.0 - advance) * self._before[heavy]
+        self._q[heavy] = advance * middle[heavy] + (1.0 - advance) * self.before[heavy]
         self._free = advance * middle[self._light] + (1.0 - advance) * self._free
         if round(end / self.dt) % _SETTLED == 0:
             self._free = self._at_ease()
@@ -260,6 +266,51 @@ class PlateMidpoint(ShownPlate):
 
     answers = columns
 
+    def held(self, stations: Stations) -> HeldLumped:
+        """It as joints hold it."""
+        if stations.rows is None:
+            raise NotImplementedError
+        count = len(stations.places)
+        tips = PlateTips(self, stations.rows.reshape(6 * count, -1))
+        rows = np.eye(6 * count)[:, tips.moves].reshape(count, 6, -1)
+        return HeldLumped(tips, replace(stations, rows=rows), self)
+
+    def answer(self, forces: Floats) -> Floats:
+        """Change of q at the end of a layer by forces on it, none on what has no mass, (d,)."""
+        return np.asarray(self._layer.advance * self._layer.solve(forces))
+
+    def answer_to(self, forces: Floats) -> Floats:
+        """The same by forces on the contact nodes (count, 3)."""
+        pressing, found = self._pressing(forces), np.zeros_like(self._q)
+        for part, place in np.argwhere(pressing).tolist():
+            self._unit(part, place)
+            if (unit := self._units.get((part, place))) is None:
+                return self._changed(pressing)[0]
+            found += pressing[part, place] * unit
+        return found
+
+    def contact_moved(self, change: Floats) -> Floats:
+        """How contact nodes move by a change of q [m], (count, 3)."""
+        return self._moved(change)
+
+    def shift(self, change: Floats) -> None:
+        """Move q at the end of the layer."""
+        self._shown = None
+        self._q[self._heavy] += change[self._heavy]
+        self._free += change[self._light]
+
+    def kick(self, rates: Floats) -> None:
+        """Let the next layer start with other rates."""
+        self._kicked = rates
+
+    def look(self) -> None:
+        """Nothing: contact nodes move with each force."""
+
+    @property
+    def rates(self) -> Floats:
+        """Of q at the start of the layer, (d,)."""
+        return self._v
+
     def static(self, forces: Floats) -> Floats:
         """Displacement of massless contact nodes by static forces on them, (count, 3) each."""
         if not self._massless:
@@ -277,16 +328,18 @@ class PlateMidpoint(ShownPlate):
                 answer += pressing[at] * self._units[at]
         else:
             answer, _ = self._changed(pressing)
-        self._shown = None
-        self._q[self._heavy] += answer[self._heavy]
-        self._free += answer[self._light]
+        self.shift(answer)
 
     def finish(self, static: Floats) -> list[Sums]:
         """End the layer and sum up."""
         heavy = self._heavy
-        moved = self._q[heavy] - self._before[heavy]
+        moved = self._q[heavy] - self.before[heavy]
+        # Velocities turn round in a layer, and what they begin with, too.
+        self._v = self._v - self._kicked
         self._v[heavy] = 2.0 / self.dt * moved - self._v[heavy]
+        self._kicked = 0.0
         self._place(static)
+        self.before = self._q.copy()
         return self._summed(float(self._loads[heavy] @ moved))
 
     def initial(self, static: Floats) -> list[Sums]:
@@ -367,5 +420,5 @@ class PlateMidpoint(ShownPlate):
     def remember(self, memory: Mapping[str, Any]) -> None:
         """Go on from what `memory` gave."""
         super().remember(memory)
-        self._shown = None
+        self._shown, self.before = None, self._q.copy()
         self._free, self._seen = memory["free"].copy(), memory["seen"].copy()

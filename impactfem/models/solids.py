@@ -33,7 +33,7 @@ from impactfem.models.ball_contacts import (
 from impactfem.models.key import SceneKey
 from impactfem.models.obstacle_contacts import ObstacleMeeting, obstacle_meetings
 from impactfem.models.solid_contact import contact_of, reach_of
-from impactfem.models.tips import Key, held_regions, supported, tips_of
+from impactfem.models.tips import held_regions, supported, tips_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.apartness import Apartness
 from impactfem.scene.obstacles import Rigid
@@ -46,8 +46,9 @@ from impactfem.system.few_bodies import few_bodies
 from impactfem.system.joints import Joints, joints_of
 from impactfem.system.located import Located, locate
 from impactfem.system.materials import StandIns, stand_ins
+from impactfem.system.regions import HeldRegion, Key
 from impactfem.system.surface import SurfaceNodes
-from impactfem.system.tips import HeldRegion, Tips
+from impactfem.system.tips import Tips
 
 
 @dataclass(frozen=True)

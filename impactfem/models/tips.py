@@ -10,14 +10,11 @@ from impactfem.scene.laws import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.link_shapes import named
-from impactfem.system.regions import region, triangles
-from impactfem.system.tips import HeldRegion, Tips, tip
+from impactfem.system.regions import HeldRegion, HeldRegions, Key, region, triangles
+from impactfem.system.tips import Tips, tip
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidPart
-
-type Key = tuple[str, tuple[float, ...]]
-"""Name of a side of a joint, and its place [m]."""
 
 
 def held_regions(part: "SolidPart") -> dict[Key, HeldRegion]:
@@ -26,8 +23,7 @@ def held_regions(part: "SolidPart") -> dict[Key, HeldRegion]:
     Raises:
         KeyedError: It has no such surface, is cut by symmetry, or a region is empty or shared.
     """
-    outside, found = part.outside, dict[Key, HeldRegion]()
-    owners = dict[Key, str]()
+    outside, found = part.outside, HeldRegions()
     for index, joint in enumerate(part.scene.joints):
         for side, place in zip(joint.between or (), joint.places, strict=False):
             body, surfaces = side_of(side)
@@ -42,25 +38,8 @@ def held_regions(part: "SolidPart") -> dict[Key, HeldRegion]:
                 raise named(where, "between", side, outside.names, "surface")
             key = side, tuple(float(x) for x in place)
             made = _region(part, name, np.array(key[1]), joint.radius, (where, side))
-            for other, known in found.items():
-                both = np.intersect1d(made.numbers, known.numbers)
-                if len(both) and (other != key or not np.array_equal(made.numbers, known.numbers)):
-                    apart = float(np.linalg.norm(np.subtract(key[1], other[1])))
-                    raise _shared(index, side, made, owners[other], known, apart)
-            found.setdefault(key, made)
-            owners.setdefault(key, joint.name)
-    return found
-
-
-def _shared(
-    index: int, side: str, made: HeldRegion, other: str, known: HeldRegion, apart: float
-) -> KeyedError:
-    """The error of regions that share nodes, their places so far apart [m]."""
-    both = len(np.intersect1d(made.numbers, known.numbers))
-    text = f" = {made.radius:.6g}: joint {other}, {apart:.6g} m from it, "
-    text += f"holds {both} nodes of {side} too, within {known.radius:.6g} m of its place; give "
-    less = f"both a radius below {0.5 * apart:.3g}, or finer elements." if apart else "one radius."
-    return KeyedError(f"joint[{index}]", "radius", text + less)
+            found.add(index, joint.name, key, made)
+    return found.regions
 
 
 def _region(

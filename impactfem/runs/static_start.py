@@ -12,6 +12,7 @@ from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.few_start import FewAtRest
 from impactfem.marching.jointed_start import ByRows, JointedAtRest, Stationed
 from impactfem.marching.layers import ContactGaps, Stepper
+from impactfem.marching.plate_start import PlateAtRest
 from impactfem.marching.pressing import Pressing
 from impactfem.marching.resting import Rest, Resting
 from impactfem.marching.rigid_start import RigidAtRest
@@ -260,6 +261,13 @@ def _stationed(
         return body
     if isinstance(body, FewAtRest):
         return ByRows(stations, body.start, lambda change: change, lambda forces: forces, body.ease)
+    if isinstance(body, PlateAtRest):
+        own = len(stations.rows[0, 0]) if stations.rows is not None else 0
+        behind = len(body.start) - own
+        return ByRows(
+            stations, body.start, lambda change: change[:own],
+            lambda forces: np.pad(forces, (0, behind)), lambda _: None,
+        )  # fmt: skip
     tips, held = model.tips[index], model.parts[index].system.constrained
     nodes = tips.nodes
     return ByRows(

@@ -242,7 +242,7 @@ class Beam(Slender):
         if self.load is None or isinstance(self.load, Formula):
             return () if self.load is None else ((self.frame[1], self.load),)
         each = zip(np.eye(self.dim), self.load, strict=True)
-        return tuple((along, load) for along, load in each if load.plain != 0.0)
+        return tuple((along, load) for along, load in each if load.used or load())
 
     @property
     def moved_ends(self) -> tuple[BeamSupport, ...]:

@@ -97,12 +97,13 @@ def _check_radius(scene: Content, where: str, joint: Joint) -> None:
     """Refuse a radius of what has no surface."""
     bodies = {body.name: body for body in scene.bodies}
     each = [side_of(name) for name in joint.between or ()]
+    known = [(bodies[body].parts_in_joints, part) for body, part in each if body in bodies]
     if joint.radius is None or any(
-        part and bodies[body].parts_in_joints == "surfaces" for body, part in each
+        parts == "regions" or (part and parts == "surfaces") for parts, part in known
     ):
         return
     text = f" = {show(joint.radius)} is that of a region of a surface, and joint {joint.name} holds"
-    text += ' none: remove it, or name a surface of a solid or of springs, as "block/top".'
+    text += ' none: remove it, or name a plate, or a surface of solids or springs, as "block/top".'
     raise KeyedError(where, "radius", text)
 
 

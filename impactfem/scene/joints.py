@@ -94,7 +94,7 @@ class Joint:
     between: Sequence[str] | None = key(
         ListOf(SideName(), at_least=2),
         "names of two rigid bodies, points, beams, ends of bars (`bar`, `bar/far_end`), masses of "
-        "springs, links of mechanisms (`arm/hand`) or surfaces of springs and solids "
+        "springs, plates, links of mechanisms (`arm/hand`) or surfaces of springs and solids "
         '(`block/top`), or "ground" and one; not of a gear',
         default=None, absent="none",
     )  # fmt: skip

@@ -64,6 +64,8 @@ class Plate(BodyKind):
     dents: ClassVar[bool] = True
     lined: ClassVar[bool] = True
     meshed: ClassVar[bool] = True
+    takes_joints: ClassVar[bool] = True
+    parts_in_joints: ClassVar[str] = "regions"
     mesh_dim: ClassVar[int] = 2
 
     name: str = key(Name(), "name of the plate in histories", default="plate")

@@ -34,6 +34,7 @@ class JointFrame:
         turns: Floats,
         *,
         swapped: bool,
+        basis: Floats,
     ) -> None:
         """Find it at t = 0.
 
@@ -43,6 +44,8 @@ class JointFrame:
             places: Of all stations [m], (stations, 3).
             turns: Their rotations, (stations, 3, 3).
             swapped: Whether its directions turn with the second side instead of the first.
+            basis: Directions along which places are held, (3, 3) by rows; the last one is its axis
+                where it needs none.
         """
         given = joint.places[::-1] if swapped else joint.places
         bodies = bodies[::-1] if swapped else bodies
@@ -50,7 +53,7 @@ class JointFrame:
         at = [in_space(np.asarray(point, dtype=float)) for point in given]
         each = list(zip(at, bodies, strict=True))
         self._arms = np.array([turns[b].T @ (p - places[b]) for p, b in each])
-        axis = np.array([0.0, 0.0, 1.0])
+        axis, self._basis = basis[2], basis
         if joint.axis is not None:
             axis = in_space(np.asarray(joint.axis, dtype=float) / np.abs(joint.axis).max())
         self._axis = axis / np.linalg.norm(axis)
@@ -59,6 +62,8 @@ class JointFrame:
             one = one if joint.axis is not None else np.array([1.0, 0.0, 0.0])
         elif joint.second_axis is not None:
             one = np.asarray(joint.second_axis, dtype=float) / np.abs(joint.second_axis).max()
+        elif joint.axis is None:
+            one = basis[0]
         else:
             one = np.cross(self._axis, np.eye(3)[np.argmin(np.abs(self._axis))])
         one = one - (one @ self._axis) * self._axis
@@ -90,7 +95,7 @@ class JointFrame:
             turning: Whether both sides turn: else nothing holds turns.
         """
         axis, one, two = self._axis, self._one, self._two
-        space = [(POINT, direction, direction) for direction in np.eye(3)[:dim]]
+        space = [(POINT, direction, direction) for direction in self._basis[:dim]]
         across = [(SLIDE, one, one), (SLIDE, two, two)]
         lean = [(DOT, one, axis), (DOT, two, axis)]
         twist = [(DOT, one, two)]

@@ -1,7 +1,7 @@
 """Joints of a scene as rows: what they hold, along what their springs, motors and limits act."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +26,9 @@ from impactfem.system.joint_rows import JointFrame, Rows
 from impactfem.system.moving_ground import MovingGround, drive_at
 from impactfem.system.rigid import in_space
 from impactfem.system.stations import Asked, HasStations, Stations, couples
+
+_ALONG = ("moving", "rubbing", "stopping", "driven")
+"""Rows along the coordinate of a joint."""
 
 _MOVING = 1e-9  # share of the largest speed with which bodies may part in a joint at t = 0
 
@@ -118,6 +121,32 @@ class Joints:
         return np.asarray(
             values(t.kinds, t.bodies, t.arms, t.axes, t.across, places, turns, before)
         )
+
+    def without_still(self) -> "Joints":
+        """Without constraints of what cannot move along them at all, as plates in their plane.
+
+        Their rotations would move them to second order, which no force that is not far too large
+        could take back.
+
+        Raises:
+            SceneError: The ground of a joint moves along them.
+        """
+        light, _, inverse = self.masses
+        free = self.turns @ inverse @ self.turns.swapaxes(1, 2)
+        t, scaled = self.terms, self.gradient * self.terms.shares[:, None, None]
+        moved = delassus(t.rows, t.bodies, scaled, scaled, self.count, light, free, *self.elastic)
+        still = self.holding & (np.diag(moved) == 0.0)
+        for term in np.flatnonzero(still[t.rows]):
+            joint = self.joints[self.owner[t.rows[term]]]
+            along = np.abs(self.gradient[term, :, :3]).max(axis=0)
+            each = zip(joint.motion or (), along[: joint.dim], strict=False)
+            if any(not formula.is_constant and part > _MOVING for formula, part in each):
+                names = " and ".join(name for name in joint.between or () if name != GROUND)
+                raise SceneError(
+                    f"joint {joint.name}: motion moves {names} along ({_shown(along)[1:-1]}), "
+                    "where it does not move: give 0 there, or another kind of body"
+                )
+        return replace(self, holding=self.holding & ~still)
 
     def response(self) -> Floats:
         """How constraints move by unit impulses in them at t = 0, (constraints, constraints)."""
@@ -287,8 +316,11 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
     inverse = np.where((light > 0.0)[:, None, None], np.linalg.inv(inertia), 0.0)
     dim = scene.dim
     turning = {body.name: body.turns_at for body in scene.bodies}
+    own_axes = _axes(each, ground.count)
     rows = Rows()
-    moving, rubbing, stopping, driven = (np.full(len(scene.joints), -1) for _ in range(4))
+    own = {
+        name: np.full(len(scene.joints), -1) for name in ("moving", "rubbing", "stopping", "driven")
+    }
     coordinates: dict[str, int] = {}
     for k, joint in enumerate(scene.joints):
         if joint.between is None:
@@ -296,15 +328,17 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
         # Directions turn with the first side: a point has none that do.
         sides = [name.partition("/") for name in joint.between]
         turn = [body not in turning or turning[body](on) for body, _, on in sides]
-        made = JointFrame(joint, (at[k, 0], at[k, 1]), places, turns, swapped=not turn[0])
+        mine = (own_axes[at[k, side]] for side in range(2))
+        made = JointFrame(
+            joint, (at[k, 0], at[k, 1]), places, turns, swapped=not turn[0],
+            basis=next((axes for axes in mine if axes is not None), np.eye(3)),
+        )  # fmt: skip
         for kind, first, second in made.held(dim, turning=all(turn)):
             made.put(rows, rows.add(k, holds=True), kind, first, second)
         coordinates[joint.name] = len(rows.terms)
-        wanted = joint.moves, joint.friction > 0.0, joint.limits is not None, joint.is_driven
-        for target, asked in zip((moving, rubbing, stopping, driven), wanted, strict=True):
-            if asked:
-                target[k] = rows.add(k, holds=target is driven)
-                made.put(rows, int(target[k]), *made.coordinate)
+        for name in _acting(joint):
+            own[name][k] = rows.add(k, holds=name == "driven")
+            made.put(rows, int(own[name][k]), *made.coordinate)
     for k, joint in enumerate(scene.joints):
         if joint.joints is None:
             continue
@@ -324,11 +358,11 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
     found = Joints(
         scene.joints, parts, ground, names, places, turns, speeds, spins, (light, inertia, inverse),
         couples([stations.compliance for stations in each], ground.count), terms,
-        np.array(rows.owner), np.array(rows.holding), moving, rubbing, stopping, driven,
-        terms.sums(first, len(rows.owner)),
+        np.array(rows.owner), np.array(rows.holding), **own,
+        start=terms.sums(first, len(rows.owner)),
     )  # fmt: skip
     found.check_start()
-    return found
+    return found.without_still()
 
 
 def _held(
@@ -354,3 +388,17 @@ def _held(
         count += len(stations.names)
         parts.append((place, stations))
     return tuple(parts), at
+
+
+def _axes(each: Sequence[Stations], ground: int) -> list[Floats | None]:
+    """Directions of all stations, of the ground none; see `Stations.axes`."""
+    found: list[Floats | None] = [None] * ground
+    for stations in each:
+        found += [stations.axes] * len(stations.names)
+    return found
+
+
+def _acting(joint: Joint) -> list[str]:
+    """Rows along the coordinate of a joint that it has, by their names in `Joints`."""
+    each = joint.moves, joint.friction > 0.0, joint.limits is not None, joint.is_driven
+    return [name for name, has in zip(_ALONG, each, strict=True) if has]

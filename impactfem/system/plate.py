@@ -1,7 +1,7 @@
 """Plates as the march takes them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,9 @@ from impactfem.system.membrane import Membrane
 from impactfem.system.plate_damping import PlateDamping
 from impactfem.system.plate_faces import PlateFaces
 from impactfem.system.plate_mesh import PlateMesh
+from impactfem.system.plate_tips import plate_stations
+from impactfem.system.regions import HeldRegion, Key
+from impactfem.system.stations import Asked, Stations
 
 OF_BENDING = 5.0  # modes up to about the second are followed like a vibration, as of beams
 _UNDAMPED = 200.0
@@ -53,6 +56,7 @@ class PlateSystem(FewBodies):
         curved: `Triangles.curvatures` of the vertices by q, (3 vertices, d).
         enclosed: Whether all of its outline is held.
         membrane: How its middle stretches; None if it does not.
+        regions: What joints hold of it.
         on_faces: How contact nodes follow the vertices: those of `touch`, or means around.
         touch: Vertices that may touch, (count,); `lines` are triangles between them, for balls.
     """
@@ -77,6 +81,12 @@ class PlateSystem(FewBodies):
     curved: csr_matrix
     enclosed: bool
     membrane: Membrane | None
+    regions: Mapping[Key, HeldRegion]
+
+    def stations(self, asked: Sequence[Asked]) -> Stations:
+        """See `FewBodies`."""
+        axes = self.plate.frame[1]
+        return plate_stations(asked, self.regions, axes, self.basis, self.weight, self.velocity)
 
     @property
     def width(self) -> float:

@@ -1,5 +1,6 @@
 """Plates discretised, as a scene has them."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,9 @@ from impactfem.system.plate_mesh import (
     plate_mesh,
 )
 from impactfem.system.plate_rows import free_basis, patches
+from impactfem.system.plate_tips import held_vertices
 from impactfem.system.plate_tones import first_frequency
+from impactfem.system.regions import HeldRegion, Key
 
 
 def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
@@ -60,6 +63,7 @@ def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
         plate, mesh, touches=bool(met) and not sprung, sprung=sprung,
         shears=plate.shears_beside(scene.bodies), obstacles=obstacles, patch=patch,
         rubs=any(law is not None and law.friction_coefficient for law in laws),
+        regions=held_vertices(scene, plate, mesh, held_slopes(mesh, plate)[0]),
     )  # fmt: skip
     for load, (sign, values) in zip(plate.pressures, found.loads, strict=True):
         if values.uses_gap and np.isinf(found.gap(sign, 0.0)).all():
@@ -80,6 +84,7 @@ def discretised(
     obstacles: tuple[Any, ...] = (),
     patch: float | None = None,
     rubs: bool = False,
+    regions: Mapping[Key, HeldRegion] | None = None,
 ) -> PlateSystem:
     """The same on a mesh that is given.
 
@@ -92,6 +97,7 @@ def discretised(
         obstacles: That it may meet.
         patch: Over which contact forces act [m]; None: on single vertices.
         rubs: Whether there is friction where it touches.
+        regions: What joints hold of it, which does not touch.
 
     Raises:
         MeshError: It has an unknown edge, or no vertex is left that could move and have mass.
@@ -101,7 +107,10 @@ def discretised(
     thickness = _thicknesses(plate, mesh)
     still, ways = held_slopes(mesh, plate)
     count = len(mesh.points)
-    touch = np.flatnonzero(~still) if sprung else apart_from_others(mesh, ~still)
+    loose = ~still
+    for held in (regions or {}).values():
+        loose[held.numbers] = False
+    touch = np.flatnonzero(loose) if sprung else apart_from_others(mesh, loose)
     if not len(touch) or (touches and len(touch) == count - int(still.sum())):
         raise MeshError(
             f"body {plate.name}: no vertex is left that could move and have mass: give a smaller "
@@ -198,6 +207,7 @@ def discretised(
         curved=csr_matrix(triangles.curvatures @ basis),
         enclosed=bool(still[mesh.rim].all()),
         membrane=Membrane(triangles, held_in_plane(mesh, plate)) if plate.stretches else None,
+        regions=regions or {},
     )
 
 

@@ -1,7 +1,7 @@
 """Which nodes of a surface a joint holds: those around its place."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -9,6 +9,9 @@ from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.closest import closest_shares, distances
+
+type Key = tuple[str, tuple[float, ...]]
+"""Name of a side of a joint, and its place [m]."""
 
 SHARE = 1.0 / 6.0
 """Of the largest extent of a surface: as far as a joint holds it about its place."""
@@ -120,3 +123,55 @@ def triangles(faces: Integers, dim: int) -> Integers:
     if faces.shape[1] in {4, 9}:
         return np.concatenate([faces[:, [0, 1, 2]], faces[:, [1, 3, 2]]])
     return faces[:, :3]
+
+
+@dataclass(frozen=True)
+class HeldRegion:
+    """Nodes of a solid or a plate that joints hold at one place.
+
+    Attributes:
+        numbers: Canonical numbers of those that no support holds, increasing, (nodes,).
+        points: Their places [m], (nodes, dim).
+        areas: [m^2], (nodes,).
+        every: How many nodes the surface has.
+        radius: Within which they are [m].
+        why: Where the radius is from, in words; empty if it was given.
+    """
+
+    numbers: Integers
+    points: Floats
+    areas: Floats
+    every: int
+    radius: float
+    why: str
+
+
+@dataclass
+class HeldRegions:
+    """Regions of one body as they are found, no two of which share nodes.
+
+    Attributes:
+        regions: By the name of a side and a place.
+        owners: Joints that hold them first.
+    """
+
+    regions: dict[Key, HeldRegion] = field(default_factory=dict)
+    owners: dict[Key, str] = field(default_factory=dict)
+
+    def add(self, index: int, joint: str, key: Key, made: HeldRegion) -> None:
+        """Add what a joint holds, by its number and name.
+
+        Raises:
+            KeyedError: Another joint holds some of its nodes.
+        """
+        for other, known in self.regions.items():
+            both = np.intersect1d(made.numbers, known.numbers)
+            if len(both) and (other != key or not np.array_equal(made.numbers, known.numbers)):
+                apart = float(np.linalg.norm(np.subtract(key[1], other[1])))
+                text = f" = {made.radius:.6g}: joint {self.owners[other]}, {apart:.6g} m from it, "
+                text += f"holds {len(both)} nodes of {key[0]} too, within {known.radius:.6g} m of "
+                less = f"a radius below {0.5 * apart:.3g}, or finer elements."
+                less = f"its place; give both {less}" if apart else "its place; give one radius."
+                raise KeyedError(f"joint[{index}]", "radius", text + less)
+        self.regions.setdefault(key, made)
+        self.owners.setdefault(key, joint)

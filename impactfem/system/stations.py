@@ -35,6 +35,7 @@ class Stations:
             6); 0 of rigid bodies, which have `light` and `inertia`.
         freedoms: Number of degrees of freedom of the bodies.
         given: Keys by which a scene sets their velocities; none: it cannot set those of a place.
+        axes: By rows the directions in which each moves or does not, (3, 3); None: all alike.
         told: Says the rates that impulses (stations, 6) at t = 0 make, by the keys that set them;
             None: velocities and spins of the stations say it.
     """
@@ -52,6 +53,7 @@ class Stations:
     freedoms: int
     given: tuple[str, ...]
     told: Callable[[Floats], str] | None = None
+    axes: Floats | None = None
 
     @classmethod
     def along(

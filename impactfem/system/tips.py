@@ -18,32 +18,12 @@ import numpy as np
 from impactfem.arrays import Floats, Integers
 from impactfem.fem import gather
 from impactfem.system.elastic import ElasticSystem
+from impactfem.system.regions import HeldRegion
 from impactfem.system.rigid import in_space
 from impactfem.system.stations import Asked, Stations
 from impactfem.system.surface import SurfaceNodes
 
 _FLAT = 1e-9  # share of the largest moment of a tip below which its nodes lie on a line
-
-
-@dataclass(frozen=True)
-class HeldRegion:
-    """Nodes of a solid that joints hold at one place.
-
-    Attributes:
-        numbers: Canonical numbers of those that no support holds, increasing, (nodes,).
-        points: Their places [m], (nodes, dim).
-        areas: [m^2], (nodes,).
-        every: How many nodes the surface has.
-        radius: Within which they are [m].
-        why: Where the radius is from, in words; empty if it was given.
-    """
-
-    numbers: Integers
-    points: Floats
-    areas: Floats
-    every: int
-    radius: float
-    why: str
 
 
 @dataclass(frozen=True)
