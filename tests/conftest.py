@@ -1,4 +1,4 @@
-"""Tests run as long as the time lasts, where one is given (`.ci/test`).
+"""Tests run as long as the time lasts, where one is given (`.ci/test`), and each once if asked.
 
 Slow ones run to the first limit, all to the second.
 """
@@ -10,6 +10,23 @@ from pathlib import Path
 import pytest
 
 SLOW = Path(__file__).with_name("verification")
+
+
+def pytest_addoption(parser):
+    parser.addoption("--once", action="store_true", help="of each test only its first case")
+
+
+@pytest.hookimpl(trylast=True)  # behind the choice by marks and words
+def pytest_collection_modifyitems(config, items):
+    if not config.getoption("--once"):
+        return
+    seen, kept, others = set(), [], []
+    for item in items:
+        test = item.nodeid.partition("[")[0]
+        (others if test in seen else kept).append(item)
+        seen.add(test)
+    config.hook.pytest_deselected(items=others)
+    items[:] = kept
 
 
 def is_over(until):
