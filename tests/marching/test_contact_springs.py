@@ -101,13 +101,13 @@ def test_a_ball_on_a_rigid_floor(kind, exponent):
     assert run.summary["contact"]["max_penetration"] < 1e-12
 
 
-@pytest.mark.parametrize(("k", "exponent"), [(2e4, 1.0), (1e6, 1.5)])
-def test_a_ball_bounces_a_hundred_times_and_keeps_its_energy(k, exponent):
+@pytest.mark.parametrize(("k", "exponent", "dt"), [(2e4, 1.0, 2e-3), (1e6, 1.5, 2e-3)])
+def test_a_ball_bounces_many_times_and_keeps_its_energy(k, exponent, dt):
     law = {"between": ["ball", "floor"], "stiffness": k, "stiffness_exponent": exponent}
-    falls = scene([ball(height=2e-3, speed=0.0)], law, 6.0, 5e-4, [FLOOR], gravity=[0.0, -9.81])
+    falls = scene([ball(height=2e-4, speed=0.0)], law, 2.4, dt, [FLOOR], gravity=[0.0, -9.81])
     history = impactfem.solve(falls).history
     pressed = history["indentation"].values > 0.0
-    assert np.count_nonzero(np.diff(pressed.astype(int)) > 0) > 100
+    assert np.count_nonzero(np.diff(pressed.astype(int)) > 0) > 40
     assert np.ptp(history["total_energy"].values) < 1e-11
 
 
@@ -262,12 +262,12 @@ def test_coarse_steps_are_told():
 def bouncing():
     law = {"between": ["*", "*"], "stiffness": 1e6, "stiffness_exponent": 1.5}
     two = [ball("rigid", height=0.02), ball(height=0.4, name="point") | {"radius": 0.05}]
-    return scene(two, law, 0.4, 2e-4, [FLOOR], gravity=[0.0, -9.81],
-                 output={"fields": [], "checkpoint": 500})  # fmt: skip
+    return scene(two, law, 0.3, 5e-4, [FLOOR], gravity=[0.0, -9.81],
+                 output={"fields": [], "checkpoint": 100})  # fmt: skip
 
 
 def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
-    check_restart(bouncing(), 1100, tmp_path, monkeypatch)
+    check_restart(bouncing(), 340, tmp_path, monkeypatch)
 
 
 @pytest.mark.parallel(2)

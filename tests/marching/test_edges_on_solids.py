@@ -142,11 +142,10 @@ def test_a_rigid_box_is_as_a_stiff_one():
     assert speeds[0] + 1.0 == pytest.approx(speeds[1] + 1.0, rel=0.01)
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.4])
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("dim", "mu"), [(2, 0.0), (2, 0.4), (3, 0.4)])
 def test_a_corner_strikes_between_nodes(dim, mu):
     """No node of a coarse mesh is near it; momentum is kept, and no energy made."""
-    size, still = (1.2, 0.4, 1.2)[:dim], [0.0] * (dim - 2)
+    size, still = ((1.2, 0.4) if dim == 2 else (0.8, 0.4, 0.8)), [0.0] * (dim - 2)
     turned = {"angle": 0.4} if dim == 2 else {"orientation": {"axis": [1, 0.3, 1], "angle": 0.6}}
     low = 0.2 * np.sin(0.4) + 0.1 * np.cos(0.4) if dim == 2 else 0.203
     shape = {"kind": "block", "size": [0.4, 0.2, 0.2][:dim],
@@ -170,7 +169,7 @@ def test_a_cylinder_comes_to_roll_on_a_block():
     shape = {"kind": "cylinder", "radius": 0.05, "height": 0.1, "center": [0.0, -0.05, 0.05]}
     box = {"mass": 1.0, "velocity": [0.3, 0.0, 0.0], "shape": shape}
     law = {"between": ["box", "block/front"], "friction_coefficient": 0.4}
-    made = strike(base, box, law, duration=0.06, dt=5e-4, gravity=[0.0, 0.0, -9.81])
+    made = strike(base, box, law, duration=0.035, dt=5e-4, gravity=[0.0, 0.0, -9.81])
     history = impactfem.solve(made).history
     slides = history["time"].values < 0.02
     np.testing.assert_allclose(
@@ -256,8 +255,9 @@ def test_two_ranks_do_the_same(monkeypatch):
     check_ranks(rocking, monkeypatch)
 
 
-@pytest.mark.parametrize("method", ["conserving", "massless", "explicit"])
-@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("method", "side"), [("conserving", 1.0), ("massless", -1.0), ("explicit", 1.0)]
+)
 def test_a_box_whose_corner_slides_past_a_node_is_not_caught_by_it(method, side):
     """A node that was beside the box is under it in the next step: it is pushed down, not aside.
 
@@ -275,10 +275,10 @@ def test_a_box_whose_corner_slides_past_a_node_is_not_caught_by_it(method, side)
     }  # fmt: skip
     made = impactfem.Scene.from_dict(
         {
-            "title": "slides past", "duration": 0.05, "gravity": [0.0, -9.81],
+            "title": "slides past", "duration": 0.03, "gravity": [0.0, -9.81],
             "body": [block, box],
             "contact": [{"between": ["s", "b"], "friction_coefficient": 0.3}],
-            "solve": {"method": method, "dt": 5e-5, "estimate": False}, "output": {"fields": []},
+            "solve": {"method": method, "dt": 1e-4, "estimate": False}, "output": {"fields": []},
         }
     )  # fmt: skip
     history = impactfem.solve(made).history
@@ -286,5 +286,5 @@ def test_a_box_whose_corner_slides_past_a_node_is_not_caught_by_it(method, side)
     assert history["contact_force"].values.max() < 2.0 * weight
     kept = history["total_energy"].values - history["friction_work"].values
     assert (kept - kept[0]).max() < 1e-9
-    braked = 0.3 - 0.3 * 9.81 * 0.05
+    braked = 0.3 - 0.3 * 9.81 * 0.03
     assert side * history["b.vx"].values[-1] == pytest.approx(braked, abs=0.01)

@@ -26,7 +26,7 @@ def struck(method, strain, speed):
         "mesh_size": 0.01, "velocity": [x, y - 0.5], "strain": strain,
     }  # fmt: skip
     return impactfem.solve(Scene.from_dict({
-        "title": "boosted", "duration": 0.003, "body": [RUBBER | block, RUBBER | disc],
+        "title": "boosted", "duration": 0.002, "body": [RUBBER | block, RUBBER | disc],
         "solve": {"method": method, "estimate": False, "dt": 2e-5},
         "output": {"report": False, "pictures": False, "fields": []},
     }))  # fmt: skip

@@ -129,13 +129,13 @@ def test_what_is_not_available_is_refused(bodies, law, message):
 
 def mixed():
     return scene(
-        plate(), CUBE, plate("low", center=[0.0031, 0.0017, -0.00201]), duration=6e-4, dt=4e-6,
+        plate(), CUBE, plate("low", center=[0.0031, 0.0017, -0.00201]), duration=4e-4, dt=8e-6,
         output={"fields": [], "checkpoint": 10},
     )  # fmt: skip
 
 
 def test_a_run_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
-    whole, _ = check_restart(mixed(), 90, tmp_path, monkeypatch)
+    whole, _ = check_restart(mixed(), 37, tmp_path, monkeypatch)
     assert whole.history["force.plate.low"].values.max() > 0.0
 
 

@@ -119,11 +119,11 @@ def test_stiff_rubber_is_as_small_strains_say():
     """
     after = []
     for strain in ("finite", "small"):
-        block = pad(strain=strain, **HELD) | {"youngs_modulus": 1e8, "poisson_ratio": 0.3}
+        block = pad(h=0.025, strain=strain, **HELD) | {"youngs_modulus": 1e8, "poisson_ratio": 0.3}
         box = body(BOX | {"corner": [-0.02, 1e-5]}, velocity=[0.0, -0.1])
         made = scene([block, box], [law()], 1e-3, solve={"dt": 1e-5})
         after.append(impactfem.solve(made).history["body.vy"].values[-1])
-    assert after[0] > 0.04
+    assert after[0] > 0.03
     assert after[0] == pytest.approx(after[1], rel=0.02)
 
 
@@ -152,13 +152,13 @@ def test_rigid_boxes_beside_rubber_strike_each_other():
     low = body({"kind": "block", "size": [0.4, 0.2], "corner": [-0.2, -0.1]}, mass=3.0)
     del low["density"]
     ball = {"kind": "rigid", "name": "ball", "mass": 0.5, "velocity": [0.0, -2.0],
-            "shape": {"kind": "disc", "radius": 0.01, "center": [0.15, 0.2]}}  # fmt: skip
+            "shape": {"kind": "disc", "radius": 0.01, "center": [0.15, 0.129]}}  # fmt: skip
     laws = [{"between": ["ball", "body"], "restitution": 0.6}]
     inertia = 3.0 * (0.4**2 + 0.2**2) / 12.0
     impulse = 1.6 * 2.0 / (1.0 / 0.5 + 1.0 / 3.0 + 0.15**2 / inertia)
     missed = []  # of first order: the box turns in the step of the impact
     for dt in (1e-3, 1e-4):
-        made = scene([block, low, ball], laws, 0.1, solve={"dt": dt})
+        made = scene([block, low, ball], laws, 0.02, solve={"dt": dt})
         history = impactfem.solve(made).history
         spin = history["body.spin"].values[-1]
         missed.append(

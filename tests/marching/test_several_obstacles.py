@@ -44,8 +44,9 @@ def test_a_block_flies_into_a_corner(method):
         assert np.ptp(energy) < 1e-11 * energy[0]
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("mu", [0.0, 0.2])
+@pytest.mark.parametrize(
+    ("method", "mu"), [("conserving", 0.2), ("massless", 0.2), ("explicit", 0.0), ("explicit", 0.2)]
+)
 def test_a_block_slides_over_a_seam_as_if_there_were_none(method, mu):
     """Nodes hand their forces over: what the sides of both halves face is not met."""
     shape = {"kind": "block", "size": [0.1, 0.05], "corner": [-0.11, 0.0]}

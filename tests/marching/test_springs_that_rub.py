@@ -133,8 +133,7 @@ def struck(mu, duration, radius=0.1, mass=0.5):
     return rest.y[:, -1]
 
 
-@alone_or_beside
-@pytest.mark.parametrize("mu", [0.25, 0.6])
+@pytest.mark.parametrize(("mu", "beside"), [(0.25, False), (0.6, False), (0.6, True)])
 def test_a_spinning_ball_strikes_a_floor_askew(mu, beside):
     """With 0.25 it slides, with 0.6 it comes to roll in the contact: places to second order."""
     known, off = struck(mu, 3e-3), []
@@ -156,8 +155,9 @@ def test_a_spinning_ball_strikes_a_floor_askew(mu, beside):
     assert 3.5 < off[0] / off[1] < 4.5
 
 
-@alone_or_beside
-@pytest.mark.parametrize("shape", ["disc", "sphere"])
+@pytest.mark.parametrize(
+    ("shape", "beside"), [("disc", False), ("sphere", False), ("sphere", True)]
+)
 def test_a_ball_on_a_dent_slides_and_then_rolls(shape, beside):
     """Two thirds and five sevenths of the speed; energy less friction stays to rounding."""
     ball, floor = disc(), FLOOR
@@ -168,14 +168,16 @@ def test_a_ball_on_a_dent_slides_and_then_rolls(shape, beside):
     gravity = [0.0] * (len(ball["velocity"]) - 1) + [-9.81]
     laws = [HERTZ | {"friction_coefficient": 0.3}]
     bodies = [ball, *[FAR if shape == "disc" else FAR_3D] * beside]
-    history = impactfem.solve(scene(bodies, laws, 0.3, 5e-4, [floor], gravity=gravity)).history
+    history = impactfem.solve(scene(bodies, laws, 0.16, 5e-4, [floor], gravity=gravity)).history
     rolls = {"disc": 2.0 / 3.0, "sphere": 5.0 / 7.0}[shape]
     assert history["ball.vx"].values[-1] == pytest.approx(rolls, rel=1e-12)
     assert np.ptp(lost(history)) < 1e-13
 
 
-@alone_or_beside
-@pytest.mark.parametrize(("stiffness", "exponent"), [(2e4, 1.0), (1e6, 1.5), (1e8, 1.5)])
+@pytest.mark.parametrize(
+    ("stiffness", "exponent", "beside"),
+    [(2e4, 1.0, False), (1e6, 1.5, False), (1e8, 1.5, False), (1e6, 1.5, True)],
+)
 def test_a_body_on_a_spring_slides_to_rest(stiffness, exponent, beside):
     """It falls into its dent and bobs: the way is that of v - mu (g t + v_y), 1e-3 longer."""
     point = {"kind": "point", "name": "ball", "mass": 0.5, "position": [0.0, 0.0],
@@ -183,14 +185,14 @@ def test_a_body_on_a_spring_slides_to_rest(stiffness, exponent, beside):
     law = HERTZ | {"stiffness": stiffness, "stiffness_exponent": exponent}
     laws = [law | {"friction_coefficient": 0.3}]
     bodies = [point, *[FAR] * beside]
-    history = impactfem.solve(scene(bodies, laws, 0.4, 2e-4, gravity=[0.0, -9.81])).history
+    history = impactfem.solve(scene(bodies, laws, 0.4, 8e-4, gravity=[0.0, -9.81])).history
     x, y, speed, lift = (history[f"ball.{name}"].values for name in ("x", "y", "vx", "vy"))
     slides = speed > 1e-9
     known = 1.0 - 0.3 * (9.81 * history["time"].values + lift)
     np.testing.assert_allclose(speed[slides], known[slides], atol=1e-12)
-    assert np.count_nonzero(slides) == pytest.approx(0.34 / 2e-4, rel=0.02)
+    assert np.count_nonzero(slides) == pytest.approx(0.34 / 8e-4, rel=0.02)
     assert x[-1] == pytest.approx(1.0 / (2 * 0.3 * 9.81), rel=5e-3)
-    assert x[-1] == pytest.approx(x[-100], abs=1e-12)
+    assert x[-1] == pytest.approx(x[-25], abs=1e-12)
     assert np.ptp(lost(history)) < 1e-13
     assert y.max() < 1e-12
 
@@ -201,11 +203,11 @@ def test_a_spring_in_one_pair_beside_friction_in_others(beside):
     laws = [{"between": ["ball", "other"], "stiffness": 1e8, "stiffness_exponent": 1.5},
             {"between": ["*", "floor"], "friction_coefficient": 0.2}]  # fmt: skip
     two = [disc(), disc("other", 0.201, 0.0, 1.5), *[FAR] * beside]
-    history = impactfem.solve(scene(two, laws, 4e-3, 4e-6, gravity=[0.0, -9.81])).history
+    history = impactfem.solve(scene(two, laws, 2.4e-3, 1e-5, gravity=[0.0, -9.81])).history
     before, after = (history["ball.vx"].values[k] for k in (0, -1))
-    # Friction takes up to mu g t in 4 ms, Newton's law of e = 1 gives -1/2.
+    # Friction takes up to mu g t in 2.4 ms, Newton's law of e = 1 gives -1/2.
     assert before == 1.0
-    assert after == pytest.approx(-0.5, abs=0.2 * 9.81 * 4e-3)
+    assert after == pytest.approx(-0.5, abs=0.2 * 9.81 * 2.4e-3)
     assert np.ptp(lost(history)) < 1e-12
 
 
@@ -236,7 +238,7 @@ def test_a_block_on_springs_slides_to_rest(beside):
     law = HERTZ | {"stiffness": 1e6, "stiffness_exponent": 1.0, "friction_coefficient": 0.3}
     slides = BLOCK | {"velocity": [1.0, 0.0]}
     bodies = [slides, *[FAR] * beside]
-    history = impactfem.solve(scene(bodies, [law], 0.4, 2e-4, gravity=[0.0, -9.81])).history
+    history = impactfem.solve(scene(bodies, [law], 0.4, 8e-4, gravity=[0.0, -9.81])).history
     assert history["ball.x"].values[-1] == pytest.approx(1.0 / (2 * 0.3 * 9.81), rel=1e-3)
     assert np.ptp(lost(history)) < 1e-8
 
@@ -247,14 +249,15 @@ def bouncing(*beside):
             law | {"between": ["disc", "floor"], "rolling_resistance": 1e-3}]  # fmt: skip
     point = {"kind": "point", "name": "grain", "mass": 0.5, "radius": 0.05,
              "position": [0.03, 0.26]}  # fmt: skip
-    return scene([disc("disc"), point, *beside], laws, 0.2, 2e-4, gravity=[0.0, -9.81],
-                 output={"fields": [], "checkpoint": 250})  # fmt: skip
+    return scene([disc("disc"), point, *beside], laws, 0.06, 2e-4, gravity=[0.0, -9.81],
+                 output={"fields": [], "checkpoint": 100})  # fmt: skip
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("beside", [(), (FAR,)], ids=["alone", "beside rubber"])
 def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch, beside):
-    check_restart(bouncing(*beside), 600, tmp_path, monkeypatch)
+    whole, _ = check_restart(bouncing(*beside), 240, tmp_path, monkeypatch)
+    assert np.count_nonzero(whole.history["friction_work"].values[200:]) > 0
+    assert whole.history["force.disc.grain"].values.max() > 0.0
 
 
 @pytest.mark.parallel(2)

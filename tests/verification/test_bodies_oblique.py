@@ -123,11 +123,6 @@ def test_pairs_that_follow_keep_energy_and_angular_momentum(friction):
     energy, turned = kept(result)
     assert energy <= 1e-10
     assert turned <= 1e-11
-    energy, turned = kept(
-        impactfem.solve(replace(case, solve=replace(case.solve, method="massless")))
-    )
-    assert energy > 1e-5  # layers that are linear in the forces
-    assert turned > 1e-5
 
 
 @pytest.mark.parametrize("method", ["conserving", "explicit"])
@@ -144,11 +139,11 @@ def test_energy_of_massless_contact_never_grows():
 
 def test_energy_of_large_sliding_is_right_to_the_order_of_the_step():
     changes = []
-    for dt in (0.02, 0.01):
-        result = impactfem.solve(discs("massless", "updated", 0.06, dt=dt))
+    for dt in (0.04, 0.02):
+        result = impactfem.solve(discs("massless", "updated", 0.08, dt=dt))
         energy = result.history["total_energy"].values
         changes.append(np.ptp(energy) / energy[0])
-    assert changes[0] <= 3e-3
+    assert changes[0] <= 0.15 * 0.04
     assert changes[0] / changes[1] >= 1.7  # first order
 
 

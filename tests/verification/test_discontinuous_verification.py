@@ -96,7 +96,7 @@ FITTED = {
         6.0, impactfem.bodies.PiecewiseConstant((0.0, 1.9), (0.1, -0.2)), gap=0.5, velocity=-0.5
     ),
     "prestretched rod": scene_of(12.0, far_end="clamped", displacement="(1 - x)/2"),
-    "Doyen bounces": scene_of(20.0, 10.0, length=10.0, youngs_modulus=900.0, gap=5.0),
+    "Doyen bounces": scene_of(12.0, 10.0, length=10.0, youngs_modulus=900.0, gap=5.0),
     "irregular bounces": scene_of(15.0, 1.0, gap=0.5, velocity=-2.0),
     "waves and bounces overlap": scene_of(6.0, 2.0, gap=0.5, velocity=-0.1),
     "grazing clamped bar": scene_of(8.0, 0.2, gap=0.1, far_end="clamped", velocity="-0.3*(1 - x)"),
@@ -149,7 +149,7 @@ def test_smooth_data_converge_with_high_order_on_fitted_meshes(degree, order):
         4.0, 0.1, far_end="clamped", gap=0.3, velocity="-0.5*cos(pi*x/2)", displacement="0.05*x*x"
     )
     errors = []
-    for elements in (8, 16, 32):
+    for elements in (8, 24):
         motion, _, _ = solve(scene, degree=degree, elements=elements, fitted=True)
         x = np.linspace(0, 1, 8193)
         exact = ExactBar(
@@ -160,13 +160,12 @@ def test_smooth_data_converge_with_high_order_on_fitted_meshes(degree, order):
         )  # fmt: skip
         t, place = motion.times[:, None], motion.positions[None, :]
         errors.append(np.abs(motion.displacement - exact.displacement(t, place)).max())
-    assert np.log2(errors[0] / errors[2]) / 2 >= order
+    assert np.log(errors[0] / errors[1]) / np.log(3.0) >= order
 
 
-@pytest.mark.parametrize("accuracy", [2e-2, 6e-3])
 @pytest.mark.parametrize(
-    "scene",
-    [K1, FITTED["K2"], scene_of(5.0, gap=0.37, velocity="-0.5 + 0.2*x")],
+    ("scene", "accuracy"),
+    [(K1, 2e-2), (FITTED["K2"], 6e-3), (scene_of(5.0, gap=0.37, velocity="-0.5 + 0.2*x"), 2e-2)],
     ids=["K1", "K2", "sheared"],
 )
 def test_refinement_reaches_the_accuracy_it_reports(scene, accuracy):
@@ -194,7 +193,7 @@ def test_fitted_refinement_stops_at_once_where_it_is_exact():
     assert errors.displacement_max <= 1e-11
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_fitted_meshes_are_exact_for_random_data_over_decades(seed):
     random = np.random.default_rng(seed)
     length, c, density = 10 ** random.uniform([-3, 0, 0], [2, 3, 4])

@@ -56,7 +56,7 @@ def test_other_motions_agree_to_the_second_order(method):
     means = 0.3 * np.diff(np.cos(pieces)) / np.diff(pieces)
     gravity = [[float(t), [0.0, float(g)]] for t, g in zip(pieces, means, strict=False)]
     found = []
-    for dt in (0.08, 0.04, 0.02):
+    for dt in (0.08, 0.02):
         solve = {"method": method, "dt": dt}
         one = solid_scene(BLOCK, [floor(2)], duration=2.0, gravity=gravity, **solve)
         other = solid_scene(
@@ -66,7 +66,7 @@ def test_other_motions_agree_to_the_second_order(method):
         shift = 0.3 * (one["time"] - np.sin(one["time"]))
         found.append(float(np.abs(one["body.y"] + shift - other["body.y"]).max()))
     assert found[-1] <= 1e-5
-    assert rates(np.array(found)).min() >= 1.8
+    assert 0.5 * rates(np.array(found)).min() >= 1.8  # over two halvings
 
 
 @pytest.mark.parametrize("method", METHODS)
