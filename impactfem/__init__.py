@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         Scene,
         Solid,
         Solve,
+        SpringElement,
         SpringNet,
         Wall,
     )
@@ -81,6 +82,7 @@ _HOMES = {
     "SceneError": "impactfem.errors",
     "Solid": "impactfem.scene",
     "Solve": "impactfem.scene",
+    "SpringElement": "impactfem.scene",
     "SpringNet": "impactfem.scene",
     "Wall": "impactfem.scene",
     "compare": "impactfem.result.compare",
@@ -146,6 +148,7 @@ __all__ = [
     "Simulation",
     "Solid",
     "Solve",
+    "SpringElement",
     "SpringNet",
     "Wall",
     "__version__",

@@ -93,7 +93,7 @@ def _driven(scene: Scene, solid: Solid, obstacles: Sequence[Any]) -> str | None:
         "moving supports": any(support.moves for support in solid.supports),
         "tractions or pressures": bool(solid.tractions or solid.pressures),
         "an initial displacement": any(each.plain != 0.0 for each in solid.displacement),
-        "joints": any(solid.name in joint.bodies for joint in scene.joints),
+        "joints": any(solid.name in joint.bodies for joint in scene.couplings),
         "a static start": scene.starts_at_rest,
     }
     return next((name for name, moves in why.items() if moves), None)

@@ -321,7 +321,7 @@ class SolidsModel:
         Raises:
             SceneError: Bodies part in a joint at t = 0, or a surface is none that can be held.
         """
-        if not self.scene.joints:
+        if not self.scene.couplings:
             return None
         return joints_of(self.scene, [*self.tips, *self.few])
 
@@ -409,7 +409,7 @@ class SolidsModel:
             return True
         follow = SOLID_SCHEMES[method].holds and self.updated and not self.few
         # Joints hold solids in linear steps only; contacts that give way are left to these too.
-        follow = follow and not (self.scene.gives_way or self.scene.joints)
+        follow = follow and not (self.scene.gives_way or self.scene.couplings)
         return follow and active_set != "snes_vi" and bool(self.pairs)
 
     @property

@@ -4,14 +4,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from impactfem.arrays import Booleans
+from impactfem.arrays import Booleans, Floats
 from impactfem.contact.boundary import everywhere
 from impactfem.scene.laws import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.link_shapes import named
-from impactfem.system.regions import HeldRegion, HeldRegions, Key, region, triangles
-from impactfem.system.tips import Tips, tip
+from impactfem.system.located import Located, locate
+from impactfem.system.regions import HeldRegion, HeldRegions, region, tip, triangles
+from impactfem.system.surface import SurfaceNodes
+from impactfem.system.tips import Tips
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidPart
@@ -24,26 +26,30 @@ def held_regions(part: "SolidPart") -> dict[Key, HeldRegion]:
         KeyedError: It has no such surface, is cut by symmetry, or a region is empty or shared.
     """
     outside, found = part.outside, HeldRegions()
-    for index, joint in enumerate(part.scene.joints):
+    for index, joint in enumerate(part.scene.couplings):
         for side, place in zip(joint.between or (), joint.places, strict=False):
             body, surfaces = side_of(side)
             if body != part.solid.name:
                 continue
             (name,) = surfaces or ("",)
-            where = f"joint[{index}]"
+            where = f"joint[{index}]" if index < len(part.scene.joints) else "spring"
             if part.solid.shape is not None and part.solid.shape.symmetry:
                 text = f" = {show(side)}: {body} is cut by symmetry, which joints do not keep; "
                 raise KeyedError(where, "between", text + "model it as a whole.")
-            if name not in outside.names:
+            if surfaces and name not in outside.names:
                 raise named(where, "between", side, outside.names, "surface")
-            key = side, tuple(float(x) for x in place)
-            made = _region(part, name, np.array(key[1]), joint.radius, (where, side))
-            found.add(index, joint.name, key, made)
+            at = np.array(place or (0.0,) * part.solid.dim, dtype=np.float64)
+            key = side, tuple(at.tolist()), joint.radius
+            if surfaces:
+                made = _region(part, name, at, joint.radius, (where, side))
+            else:
+                made = _inside(part, at, where)
+            found.add(index, joint.name, key, made, alone=joint in part.scene.joints)
     return found.regions
 
 
 def _region(
-    part: "SolidPart", name: str, place: np.ndarray, radius: float | None, where: tuple[str, str]
+    part: "SolidPart", name: str, place: Floats, radius: float | None, where: tuple[str, str]
 ) -> HeldRegion:
     outside = part.outside
     faces = outside.on([name])
@@ -60,6 +66,21 @@ def _region(
     return HeldRegion(
         outside.numbers[on][kept], points[kept], areas[kept], int(on.sum()), found.radius, found.why
     )
+
+
+def _inside(part: "SolidPart", place: Floats, where: str) -> HeldRegion:
+    """Nodes of the cell about a place in a solid, by the values of their shape functions there."""
+    system = part.system
+    found = locate(system, part.solid, place)
+    if not isinstance(found, Located):
+        near = ", ".join(f"{x:.6g}" for x in found)
+        text = f" = {show(place.tolist())} is outside of {part.solid.name}, its nearest node at"
+        raise KeyedError(where, "point", f"{text} [{near}]: give a place in it.")
+    order = np.argsort(found.numbers)
+    numbers = found.numbers[order]
+    nodes = SurfaceNodes.of(part.comm, part.solid.dim, numbers, system.numbers)
+    points = nodes.gather(system.positions.ravel())
+    return HeldRegion(numbers, points, found.values[order], len(order), 0.0, "", turns=False)
 
 
 def supported(part: "SolidPart") -> Booleans:

@@ -131,7 +131,7 @@ def _speed(body: Any) -> Floats:
 
 def _against(scene: Scene) -> list[Floats]:
     """Velocities against which those of bodies count [m/s]: of all that meet only each other."""
-    held = any(getattr(body, "supports", ()) for body in scene.bodies) or scene.joints
+    held = any(getattr(body, "supports", ()) for body in scene.bodies) or scene.couplings
     if scene.obstacles or held or len(scene.bodies) == 1:
         return []
     speeds = [_speed(body) for body in scene.bodies if hasattr(body, "velocity")]
@@ -163,7 +163,7 @@ def units_of(body: Any, against: Sequence[Floats] = ()) -> list[Finding]:
 def _path(scene: Scene, body: Any, times: Floats) -> _Path | None:
     """Way of a body that flies freely; None if that is not certain."""
     flight = body.flight
-    if flight is None or any(body.name in joint.bodies for joint in scene.joints):
+    if flight is None or any(body.name in joint.bodies for joint in scene.couplings):
         return None
     velocity = np.asarray(flight.velocity)
     gravity = np.asarray(scene.vector_gravity.at(times), dtype=float)

@@ -26,6 +26,7 @@ from impactfem.planning.time_data import Datum, data_findings, parts_following, 
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.apartness import Apartness
+from impactfem.scene.couplings import WHOLE
 from impactfem.scene.laws import side_of
 from impactfem.scene.pairing import named_body_pairs
 from impactfem.sizing import check_memory
@@ -254,12 +255,15 @@ def dent_times(scene: Scene, few: Sequence["FewBodies"]) -> list[float]:
 def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]:
     """What is said of bodies without meshes beside solids."""
     for part in model.parts:
-        for (side, place), held in part.regions.items():
+        for (side, place, radius), held in part.regions.items():
             of = "all" if len(held.numbers) == held.every else f"{len(held.numbers)} of"
             at = ", ".join(f"{x:.4g}" for x in place)
             text = f"the mean of {of} {held.every} nodes, those within {held.radius:.3g} m"
+            if not held.turns:
+                text = f"the displacement there, by the {held.every} nodes of its element"
             more = f": {held.why}, joint.radius gives another" if held.why else ""
-            reasons[f"joint on {side} at ({at})"] = f"{text}{more}; they do not touch"
+            where = "" if radius == WHOLE else f" at ({at})"
+            reasons[f"joint on {side}{where}"] = f"{text}{more}; they do not touch"
     if not model.few:
         return joint_findings(model)
     reasons["contact points"] = (

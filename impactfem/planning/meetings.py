@@ -56,7 +56,7 @@ def _told_of(
         because = "no face of it looks at another body or an obstacle"
         if not asked and not part.obstacles:
             free = not scene.obstacles and len(scene.bodies) == 1
-            if free or any(name in joint.bodies for joint in scene.joints):
+            if free or any(name in joint.bodies for joint in scene.couplings):
                 return []  # it vibrates, or a joint moves it
             because = "no [[contact]] names it"
         why.append(f"body {name} touches nothing: {because}")

@@ -124,7 +124,7 @@ def _implicit_only(scene: Scene, sizes: Sequence[Size]) -> str:
     """Why steps must be implicit, or nothing."""
     if len(scene.solids) < len(scene.bodies):
         return f"{scene.why_marched}: bodies without meshes take implicit steps, which do not ring"
-    if scene.joints:
+    if scene.couplings:
         return "joints act on implicit steps"
     if max(size.degree for size in sizes) == 2:
         return "elements of degree 2 have no lumped mass, so an implicit method"

@@ -103,7 +103,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     steps = following(steps, scene, data, explicit_step(solids, sizes), reasons)
     linear_solver = choose_linear_solver(scene, method, sizes, reasons)
     findings += few_findings(model, reasons)
-    joined = {name for joint in scene.joints for name in joint.bodies}
+    joined = {name for joint in scene.couplings for name in joint.bodies}
     flyers = [
         (part.foreseen.softest, part.system, part.outside)
         for part in model.parts
@@ -111,7 +111,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     ]
     findings += flight_findings(scene, flyers, steps.dt)
     findings += told_contacts(model, reasons)
-    if alone and scene.solid.is_uniform and not (model.few or scene.joints):
+    if alone and scene.solid.is_uniform and not (model.few or scene.couplings):
         reasons |= {f"offer {name}": text for name, text in offers(scene).items()}
     findings += method_findings(method, steps.courant)
     share = (steps.courant or 1.0) / SHARE_OF_STABLE

@@ -143,7 +143,7 @@ def _of_forces(scene: Scene, but: str) -> Iterator[Datum]:
         for name in ("force", "moment")
         for formula in getattr(body, name, None) or ()
     ]
-    given += [(j.name, f"the motor of {j.name}", j.motor) for j in scene.joints if j.motor]
+    given += [(j.name, f"the motor of {j.name}", j.motor) for j in scene.couplings if j.motor]
     for joint in scene.joints:
         for formula in joint.motion or ():
             yield Datum(joint.name, f"the motion of {joint.name}", formula, moves=True)

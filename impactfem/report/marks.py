@@ -59,8 +59,8 @@ class Marks:
     @classmethod
     def of(cls, scene: Scene, skin: Skin) -> "Marks":
         """Joints, and nodes that are held as long as no snapshot shows them elsewhere."""
-        start = skin.snapshot(0).place if scene.joints else skin.points
-        pins = [pin for joint in scene.joints for pin in _pins(joint, skin, start)]
+        start = skin.snapshot(0).place if scene.couplings else skin.points
+        pins = [pin for joint in scene.couplings for pin in _pins(joint, skin, start)]
         names = [k for k, name in enumerate(skin.names) if _is_held(scene, name)]
         linked = {each.name for each in scene.mechanisms}
         whole = frozenset(k for k in skin.solid_nodes if skin.names[k] not in linked)

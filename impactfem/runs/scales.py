@@ -36,7 +36,7 @@ def opening_findings(
         opened: How far they are open by their names [m], [rad].
     """
     sizes = {body.name: _size(body, history) for body in scene.bodies}
-    between = {joint.name: joint.bodies or sizes for joint in scene.joints}
+    between = {joint.name: joint.bodies or sizes for joint in scene.couplings}
     for name, (way, turn) in opened.items():
         known = [size for body in between[name] if (size := sizes.get(body))]
         share = way / min(known) if known else 0.0

@@ -163,7 +163,7 @@ def grounds(scene: Scene) -> Floats:
     held = [each for body in scene.bodies for each in getattr(body, "supports", ())]
     moving = [obstacle.motion for obstacle in scene.obstacles]
     moving += [getattr(support, "value", None) for support in held]
-    moving += [None] * bool(scene.joints)
+    moving += [None] * bool(scene.couplings)
     for motion in moving:
         velocity = np.zeros(3)
         given = motion if isinstance(motion, Sequence) else ()

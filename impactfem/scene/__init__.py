@@ -6,6 +6,7 @@ from impactfem.scene.bodies import Bar
 from impactfem.scene.boundary import Pressure, Support, Traction
 from impactfem.scene.contacts import Contact
 from impactfem.scene.control import Control
+from impactfem.scene.couplings import SpringElement
 from impactfem.scene.formula import Formula
 from impactfem.scene.inverse import Limit, Measure, Objective, Parameter, Term
 from impactfem.scene.joints import Joint, Soft
@@ -97,6 +98,7 @@ __all__ = [
     "Solve",
     "Sphere",
     "Spring",
+    "SpringElement",
     "SpringNet",
     "Support",
     "Term",

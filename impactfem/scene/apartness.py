@@ -35,7 +35,7 @@ class Apartness:
         flights = {body.name: body.swing for body in scene.bodies}
         known = {name: flight for name, flight in flights.items() if flight is not None}
         moved = any(obstacle.moves for obstacle in scene.rigid_obstacles)
-        if len(known) < len(flights) or moved or scene.joints or scene.starts_at_rest:
+        if len(known) < len(flights) or moved or scene.couplings or scene.starts_at_rest:
             return cls({}, math.inf)
         balls = {n: (float(np.linalg.norm(f.half)), np.array(f.center)) for n, f in known.items()}
         pull = float(np.linalg.norm(scene.vector_gravity.values, axis=-1).max(initial=0.0))

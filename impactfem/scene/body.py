@@ -57,6 +57,8 @@ class BodyKind:
         turns_in_joints: Whether it turns where they do, and directions turn with it.
         joined_whole, joined_by_surface: Whether joints name it, and a part of it (`arm/hand`).
         parts_in_joints: What these are.
+        has_centre: Whether springs act on its centre where they name no place.
+        sprung_inside: Whether springs act on any place in it.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
     """
 
@@ -85,6 +87,8 @@ class BodyKind:
     turns_in_joints: ClassVar[bool] = True
     joined_whole: ClassVar[bool] = True
     joined_by_surface: ClassVar[bool] = False
+    sprung_inside: ClassVar[bool] = False
+    has_centre: ClassVar[bool] = False
     parts_in_joints: ClassVar[str] = "links"
     whole_side: ClassVar[tuple[str, ...] | None] = None
     mesh: str | None = None

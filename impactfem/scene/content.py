@@ -14,6 +14,7 @@ from impactfem.scene.bodies import Bar
 from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
 from impactfem.scene.control import MAX_CONTROLS, Control
+from impactfem.scene.couplings import SpringElement
 from impactfem.scene.drop import Drop
 from impactfem.scene.given import Given
 from impactfem.scene.inverse import MAX_MEASURES, MAX_PARAMETERS, Measure, Objective, Parameter
@@ -43,6 +44,7 @@ BODIES: dict[str, type[Any]] = {
 """All kinds by name; `impactfem.extend` adds others."""
 MAX_CONTACTS = 10_000
 MAX_JOINTS = 10_000
+MAX_SPRINGS = 10_000
 STARTS = ("given", "static")
 
 
@@ -83,6 +85,12 @@ class Content:
         ObjectsKind((Joint,), "[[joint]]", MAX_JOINTS, 0),
         "what holds rigid bodies together",
         name="joint",
+        default=(),
+    )
+    springs: Given[tuple[SpringElement, ...], Sequence[SpringElement]] = key(
+        ObjectsKind((SpringElement,), "[[spring]]", MAX_SPRINGS, 0),
+        "springs and dampers between places",
+        name="spring",
         default=(),
     )
     probes: Given[tuple[Probe, ...], Sequence[Probe]] = key(
@@ -129,6 +137,11 @@ class Content:
         held = tuple(joint.bodies for joint in self.joints)
         return Laws.among(self.contacts, names, obstacles, held)
 
+    @cached_property
+    def couplings(self) -> tuple[Joint, ...]:
+        """Its joints, and its springs as rows that hold nothing."""
+        return self.joints + tuple(row for spring in self.springs for row in spring.rows(self.dim))
+
     @property
     def kinds(self) -> frozenset[str]:
         """Kinds of its bodies."""
@@ -162,7 +175,7 @@ class Content:
         asked for that knows the spring of a wall: the bar then has its stiffness.
         """
         bars = self._all(Bar)
-        if len(bars) != len(self.bodies) or self.joints:
+        if len(bars) != len(self.bodies) or self.couplings:
             return ()
         if not self.gives_way:
             return bars
@@ -312,8 +325,9 @@ def why_marched(scene: Content) -> str | None:
     kinds = sorted(scene.kinds)
     if len(kinds) > 1:
         return f"bodies of different kinds ({', '.join(kinds)})"
-    if scene.joints or scene.starts_at_rest:
-        return "joints" if scene.joints else "a start at rest"
+    if scene.couplings or scene.starts_at_rest:
+        held = "joints" if scene.joints else "springs between bodies"
+        return held if scene.couplings else "a start at rest"
     given_way = scene.gives_way and not scene.bars
     if not all(body.marches_alone for body in scene.bodies) and not given_way:
         return None

@@ -11,7 +11,7 @@ from impactfem.scene.column_names import check_column_names
 from impactfem.scene.content import BODIES, Content
 from impactfem.scene.finite_checks import check_finite
 from impactfem.scene.inverse import check_asked
-from impactfem.scene.joint_checks import check_joints
+from impactfem.scene.joint_checks import check_couplings, check_joints
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.mixed import check_dimensions, check_mixed
 from impactfem.scene.obstacle_checks import check_gravity, check_obstacles
@@ -66,6 +66,7 @@ def check_scene(scene: Content, gravity: object) -> None:
     """
     _check_names(scene)
     check_joints(scene)
+    check_couplings(scene)
     check_itself(scene)
     check_springs(scene)
     check_adhesion(scene)
@@ -123,7 +124,7 @@ def _check_marched(scene: Content) -> None:
     mixed = len(scene.solids) < len(scene.bodies)
     if not mixed:
         check_pairs(scene)
-    if mixed or scene.joints:
+    if mixed or scene.couplings:
         check_mixed(scene)
 
 
@@ -163,7 +164,7 @@ def _check_counts(scene: Content) -> None:
         if bar.point is not None:
             text = f" = {show(list(bar.point))} is for bars beside other bodies: these lie on the "
             raise KeyedError(f"body[{index}]", "point", f"{text}x axis; give gap instead.")
-    if len(scene.bodies) > 1 or scene.joints:
+    if len(scene.bodies) > 1 or scene.couplings:
         return
     if any(body.may_meet_nothing or not body.waves for body in scene.bodies):
         return

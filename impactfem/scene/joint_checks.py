@@ -47,12 +47,50 @@ def check_joints(scene: Content) -> None:
         _check_places(scene, where, joint)
         _check_radius(scene, where, joint)
         _check_motions(scene, where, joint)
-        fixed = [n for n in sorted(joint.bodies & set(bodies)) if not bodies[n].joined_in_steps]
-        if fixed and scene.iterated:
-            kinds = " and ".join(kind for kind, cls in BODIES.items() if cls.joined_in_steps)
-            text = f" = {show(list(joint.between or ()))}: joints hold bodies of kind {kinds} "
-            text += f"where {scene.iterated}, but {fixed[0]} is a {bodies[fixed[0]].kind}; model "
-            raise KeyedError(where, "between", f"{text}it as one of these, or change that.")
+        _check_in_steps(scene, where, joint)
+
+
+def check_couplings(scene: Content) -> None:
+    """Refuse springs between what is not there.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    bodies = {body.name: body for body in scene.bodies}
+    taken = {*bodies, GROUND} | {each.name for each in (*scene.obstacles, *scene.joints)}
+    for index, spring in enumerate(scene.springs):
+        where = f"spring[{index}]"
+        if spring.name in taken:
+            text = f" = {show(spring.name)} is the name of something else: give another."
+            raise KeyedError(where, "name", text)
+        taken.add(spring.name)
+        for name in spring.between:
+            _check_side(scene, where, name, spring.between, springs=True)
+        if scene.dim not in {2, 3}:
+            text = f" = {show(list(spring.between))}: bodies have {scene.dim} coordinate, springs "
+            text += "act in the plane or in space: give these positions of 2 or 3 numbers."
+            raise KeyedError(where, "between", text)
+        spring.check_in(where, scene.dim)
+        for row in spring.rows(scene.dim)[:1]:
+            _check_in_steps(scene, where, row)
+            if spring.placed:
+                _check_places(scene, where, row)
+        for name in spring.between:
+            body, part = side_of(name)
+            if not (spring.placed or part or name == GROUND or bodies[body].has_centre):
+                text = f" is missing: {name} is a {bodies[body].kind}; give the place on it."
+                raise KeyedError(where, "point", text)
+
+
+def _check_in_steps(scene: Content, where: str, joint: Joint) -> None:
+    """Refuse what joints do not hold in steps by iterates."""
+    bodies = {body.name: body for body in scene.bodies}
+    fixed = [n for n in sorted(joint.bodies & set(bodies)) if not bodies[n].joined_in_steps]
+    if fixed and scene.iterated:
+        kinds = " and ".join(kind for kind, cls in BODIES.items() if cls.joined_in_steps)
+        text = f" = {show(list(joint.between or ()))}: joints hold bodies of kind {kinds} "
+        text += f"where {scene.iterated}, but {fixed[0]} is a {bodies[fixed[0]].kind}; model "
+        raise KeyedError(where, "between", f"{text}it as one of these, or change that.")
 
 
 def _check_motions(scene: Content, where: str, joint: Joint) -> None:
@@ -107,7 +145,9 @@ def _check_radius(scene: Content, where: str, joint: Joint) -> None:
     raise KeyedError(where, "radius", text)
 
 
-def _check_side(scene: Content, where: str, name: str, between: object) -> None:
+def _check_side(
+    scene: Content, where: str, name: str, between: object, *, springs: bool = False
+) -> None:
     """Refuse a side of a joint that is no body that joints hold, nor the ground."""
     bodies = {body.name: body for body in scene.bodies}
     if name == GROUND:
@@ -115,6 +155,8 @@ def _check_side(scene: Content, where: str, name: str, between: object) -> None:
     given = f" = {show(list(between))}: "  # type: ignore[call-overload]
     whole, part = side_of(name)
     body = bodies.get(whole)
+    if body is not None and springs and body.sprung_inside and not part:
+        return
     if body is not None and not (body.joined_by_surface if part else body.joined_whole):
         text = f"{whole} is a {body.kind}, "
         if part is None:

@@ -197,6 +197,11 @@ class Joint:
         return not self.position.is_constant
 
     @property
+    def leads(self) -> bool:
+        """Whether directions of its coordinate turn with its first body."""
+        return True
+
+    @property
     def moves(self) -> bool:
         """Whether it has a coordinate that may change."""
         return self.kind_of.unit is not None and not (self.kind_of.yields and self.holds)

@@ -38,7 +38,7 @@ def check_mixed(scene: Content) -> None:
             _check_contact(scene, contact, f"contact[{origin}]", known)
             checked.update(new)
     _check_partners(scene)
-    alone = not (scene.obstacles or scene.joints) and len(scene.bodies) == 1
+    alone = not (scene.obstacles or scene.couplings) and len(scene.bodies) == 1
     if alone and not all(body.may_meet_nothing for body in scene.bodies):
         raise KeyedError("obstacle", "", " is missing: nothing can be hit; add an [[obstacle]].")
     _check_method(scene)
@@ -50,7 +50,7 @@ def check_dimensions(scene: Content) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    alike = len(scene.solids) == len(scene.bodies) and not scene.joints
+    alike = len(scene.solids) == len(scene.bodies) and not scene.couplings
     if alike or not scene.marches:
         return  # several solids are checked by their models
     for index, (before, body) in enumerate(pairwise(scene.bodies), start=1):
@@ -62,7 +62,7 @@ def check_dimensions(scene: Content) -> None:
     if any(solid.is_axisymmetric for solid in scene.solids):
         for index, body in enumerate(scene.bodies):
             body.check_on_axis(f"body[{index}]")
-        if scene.joints:
+        if scene.couplings:
             text = ": joints are not available beside axisymmetric solids, where balls stay on the "
             raise KeyedError("joint[0]", "", f"{text}axis; remove it.")
     if scene.dim > 1:
@@ -175,7 +175,7 @@ def _check_explicit(scene: Content) -> None:
         if body.name not in solids and (body.has_surface or not body.staggers):
             text = f" = {show(body.kind)}: beside solids in explicit steps {body.name} has none "
             raise KeyedError(f"body[{index}]", "kind", f"{text}that end amid theirs; {remedy}")
-    for index, joint in enumerate(scene.joints):
+    for index, joint in enumerate(scene.couplings):
         if held := sorted(joint.bodies & solids):
             text = f" = {show(list(joint.between or ()))}: explicit steps do not hold surfaces of "
             raise KeyedError(f"joint[{index}]", "between", f"{text}{held[0]}; {remedy}")

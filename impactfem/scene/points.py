@@ -66,6 +66,7 @@ class Point(BodyKind):
     dents: ClassVar[bool] = True
     settles: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
+    has_centre: ClassVar[bool] = True
     joined_in_steps: ClassVar[bool] = True
     turns_in_joints: ClassVar[bool] = False
 

@@ -43,6 +43,7 @@ class RigidBody(BodyKind):
     may_meet_nothing: ClassVar[bool] = True
     settles: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
+    has_centre: ClassVar[bool] = True
     joined_in_steps: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the body in histories", default="rigid")

@@ -11,8 +11,9 @@ from impactfem.errors import SceneError
 from impactfem.extensions import load_installed
 from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
-from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, Content
+from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, MAX_SPRINGS, Content
 from impactfem.scene.control import MAX_CONTROLS, Control, acted, named_histories
+from impactfem.scene.couplings import SpringElement
 from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.drop import Drop, dropped
 from impactfem.scene.grammar import naming
@@ -50,7 +51,7 @@ from impactfem.scene.tables import (
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
-_RARE = ("parameter", "control", "measure", "objective")
+_RARE = ("spring", "parameter", "control", "measure", "objective")
 """Tables that a scene file has only where they say something."""
 
 
@@ -242,6 +243,10 @@ class Scene(Content):
             values["contact"] = read_objects(values["contact"], "contact", Contact, MAX_CONTACTS, 0)
         if "joint" in values:
             values["joint"] = read_objects(values["joint"], "joint", Joint, MAX_JOINTS, 0)
+        if "spring" in values:
+            values["spring"] = read_objects(
+                values["spring"], "spring", SpringElement, MAX_SPRINGS, 0
+            )
         if "probe" in values:
             values["probe"] = read_objects(values["probe"], "probe", Probe, MAX_PROBES, 0)
         if "measure" in values:
@@ -258,7 +263,7 @@ class Scene(Content):
         data = plain(self)
         for name in ("body", "obstacle"):
             data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
-        for name in ("contact", "joint", "probe", "parameter", "control", "measure"):
+        for name in ("contact", "joint", "spring", "probe", "parameter", "control", "measure"):
             data[name] = [plain(entry) for entry in data[name]]
             if name == "joint":
                 own = self._own_joints
@@ -293,6 +298,7 @@ class Scene(Content):
                     home[name] = str(there.relative_to(target) if inside else there)
         bodies, obstacles = data.pop("body"), data.pop("obstacle")
         contacts, joints = data.pop("contact"), data.pop("joint")
+        springs = data.pop("spring", [])
         probes, objective = data.pop("probe"), data.pop("objective", None)
         parameters, measures = data.pop("parameter", []), data.pop("measure", [])
         controls = data.pop("control", [])
@@ -303,6 +309,7 @@ class Scene(Content):
             *(("[[obstacle]]", OBSTACLES[entry["kind"]], entry) for entry in obstacles),
             *(("[[contact]]", Contact, entry) for entry in contacts),
             *(("[[joint]]", Joint, entry) for entry in joints),
+            *(("[[spring]]", SpringElement, entry) for entry in springs),
             *(("[[probe]]", Probe, entry) for entry in probes),
             *(("[[parameter]]", Parameter, entry) for entry in parameters),
             *(("[[control]]", Control, entry) for entry in controls),

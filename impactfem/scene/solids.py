@@ -90,6 +90,7 @@ class Solid(BodyKind):
     takes_joints: ClassVar[bool] = True
     joined_whole: ClassVar[bool] = False
     joined_by_surface: ClassVar[bool] = True
+    sprung_inside: ClassVar[bool] = True
     parts_in_joints: ClassVar[str] = "surfaces"
 
     name: str = key(Name(), "name of the body in histories", default="solid")

@@ -70,7 +70,7 @@ def _check_in_coordinates(scene: Content) -> None:
     """Refuse what a body in coordinates does not know, but the march does."""
     method, kinds = str(scene.solve.method), " ".join(scene.kinds)
     why, remedy = f"method = {show(method)} takes one {kinds} body", _REMEDY
-    if len(scene.bodies) > 1 or scene.joints:
+    if len(scene.bodies) > 1 or scene.couplings:
         text = f" = {show(method)} takes one {kinds} body without joints: {remedy}."
         raise KeyedError("solve", "method", text)
     for body in scene.bodies:

@@ -51,6 +51,8 @@ class JointFrame:
         bodies = bodies[::-1] if swapped else bodies
         self._joint, self._bodies, self._swapped = joint, bodies, swapped
         at = [in_space(np.asarray(point, dtype=float)) for point in given]
+        if not len(given[0]):  # it acts on the middle of what it holds, of the ground across it
+            at = [places[b or other] for b, other in (bodies, bodies[::-1])]
         each = list(zip(at, bodies, strict=True))
         self._arms = np.array([turns[b].T @ (p - places[b]) for p, b in each])
         axis, self._basis = basis[2], basis
@@ -117,12 +119,14 @@ class JointFrame:
                 "planar": [(SLIDE, axis, axis), *lean],
                 "cylindrical": across + lean,
             }
-        found["distance"] = [(DISTANCE, axis, axis)] if self._joint.holds else []
-        own = found[self._joint.kind]
+        found["distance"] = [(DISTANCE, axis, axis)]
+        own = found[self._joint.kind] if self._joint.holds else []
         return own if turning else [each for each in own if each[0] != DOT]
 
     @property
     def coordinate(self) -> tuple[int, Floats, Floats]:
         """Kind of the term that is its coordinate, and its directions."""
         kinds = {"revolute": ANGLE, "distance": DISTANCE}
+        if not self._joint.leads:
+            return POINT, self._axis, self._axis
         return kinds.get(self._joint.kind, SLIDE), self._axis, self._axis

@@ -207,8 +207,16 @@ class Joints:
         soft = np.array([joint.soft is not None for joint in self.joints])
         return np.asarray(self.holding & ~soft[self.owner])
 
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        """Rows of coordinates by the names of their joints."""
+        names = [joint.name for joint in self.joints]
+        return dict(zip(names, self.moving.tolist(), strict=True))
+
     def shift(self, joint: Joint) -> float:
         """What the coordinate of a joint is more than its row [rad or m]."""
+        if not joint.leads:  # what it has moved since t = 0
+            return -float(self.start[self._rows[joint.name]])
         return 0.0 if joint.points is not None else joint.start
 
     def wanted(self, t: float) -> tuple[Floats, Floats]:
@@ -300,7 +308,7 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
     Raises:
         SceneError: Bodies part in a joint at t = 0.
     """
-    if not scene.joints:
+    if not scene.couplings:
         return None
     ground = MovingGround(tuple(j.motion for j in scene.joints if j.motion is not None))
     parts, at = _held(scene, bodies, ground.count)
@@ -319,10 +327,11 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
     own_axes = _axes(each, ground.count)
     rows = Rows()
     own = {
-        name: np.full(len(scene.joints), -1) for name in ("moving", "rubbing", "stopping", "driven")
+        name: np.full(len(scene.couplings), -1)
+        for name in ("moving", "rubbing", "stopping", "driven")
     }
     coordinates: dict[str, int] = {}
-    for k, joint in enumerate(scene.joints):
+    for k, joint in enumerate(scene.couplings):
         if joint.between is None:
             continue
         # Directions turn with the first side: a point has none that do.
@@ -330,7 +339,7 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
         turn = [body not in turning or turning[body](on) for body, _, on in sides]
         mine = (own_axes[at[k, side]] for side in range(2))
         made = JointFrame(
-            joint, (at[k, 0], at[k, 1]), places, turns, swapped=not turn[0],
+            joint, (at[k, 0], at[k, 1]), places, turns, swapped=joint.leads and not turn[0],
             basis=next((axes for axes in mine if axes is not None), np.eye(3)),
         )  # fmt: skip
         for kind, first, second in made.held(dim, turning=all(turn)):
@@ -339,7 +348,7 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
         for name in _acting(joint):
             own[name][k] = rows.add(k, holds=name == "driven")
             made.put(rows, int(own[name][k]), *made.coordinate)
-    for k, joint in enumerate(scene.joints):
+    for k, joint in enumerate(scene.couplings):
         if joint.joints is None:
             continue
         row = rows.add(k, holds=True)
@@ -356,7 +365,8 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
         np.zeros(len(kinds)),
     )  # fmt: skip
     found = Joints(
-        scene.joints, parts, ground, names, places, turns, speeds, spins, (light, inertia, inverse),
+        scene.couplings, parts, ground, names, places, turns, speeds, spins,
+        (light, inertia, inverse),
         couples([stations.compliance for stations in each], ground.count), terms,
         np.array(rows.owner), np.array(rows.holding), **own,
         start=terms.sums(first, len(rows.owner)),
@@ -374,7 +384,7 @@ def _held(
     at = {(k, side): 1 + n for n, k in enumerate(moved) for side in range(2)}
     for place, bodies in enumerate(every):
         sides, asked = [], list[Asked]()
-        for k, joint in enumerate(scene.joints):
+        for k, joint in enumerate(scene.couplings):
             for side, name in enumerate(joint.between or ()):
                 at.setdefault((k, side), 0)
                 if side_of(name)[0] in bodies.names:

@@ -16,9 +16,8 @@ from impactfem.scene.laws import side_of
 from impactfem.scene.plate import Plate
 from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate_mesh import PlateMesh
-from impactfem.system.regions import HeldRegion, HeldRegions, Key, region
+from impactfem.system.regions import HeldRegion, HeldRegions, Key, region, tip
 from impactfem.system.stations import Asked, Stations
-from impactfem.system.tips import tip
 
 
 def held_vertices(
@@ -42,7 +41,7 @@ def held_vertices(
     def holds(nodes: Booleans) -> bool:
         return tip(points, areas * (nodes & ~still)) is not None
 
-    for index, joint in enumerate(scene.joints):
+    for index, joint in enumerate(scene.couplings):
         for side, place in zip(joint.between or (), joint.places, strict=False):
             if side_of(side)[0] != plate.name:
                 continue
@@ -50,7 +49,8 @@ def held_vertices(
             own = region(np.asarray(place), points, mesh.cells, joint.radius, holds, where)
             kept = np.flatnonzero(own.nodes & ~still)
             made = HeldRegion(kept, points[kept], areas[kept], len(points), own.radius, own.why)
-            found.add(index, joint.name, (side, tuple(float(x) for x in place)), made)
+            key = side, tuple(float(x) for x in place), joint.radius
+            found.add(index, joint.name, key, made, alone=joint in scene.joints)
     return found.regions
 
 
@@ -68,7 +68,7 @@ def plate_stations(
         weight: Mass of q, (d,).
         velocity: Rates of q at t = 0, (d,).
     """
-    keys = [(name, tuple(place.tolist())) for name, place, _ in asked]
+    keys = [(name, tuple(place.tolist()), radius) for name, place, radius in asked]
     alone = list(dict.fromkeys(keys))
     places, rows = [], []
     for key in alone:
@@ -84,7 +84,7 @@ def plate_stations(
     moving = np.array(rows)
     light = np.divide(1.0, weight, where=weight > 0.0, out=np.zeros_like(weight))
     found = Stations.along(
-        tuple(alone.index(key) for key in keys), tuple(name for name, _ in alone),
+        tuple(alone.index(key) for key in keys), tuple(name for name, *_ in alone),
         np.array(places), moving, light[:, None] * moving.reshape(-1, len(weight)).T, velocity,
     )  # fmt: skip
     return replace(found, freedoms=int((weight > 0.0).sum()), given=(), axes=axes)

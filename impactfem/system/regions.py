@@ -9,9 +9,12 @@ from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.closest import closest_shares, distances
+from impactfem.system.rigid import in_space
 
-type Key = tuple[str, tuple[float, ...]]
-"""Name of a side of a joint, and its place [m]."""
+type Key = tuple[str, tuple[float, ...], float | None]
+"""A side of a joint, its place at t = 0 [m], and the radius that it gives [m]."""
+
+_FLAT = 1e-9  # share of the largest moment of a tip below which its nodes lie on a line
 
 SHARE = 1.0 / 6.0
 """Of the largest extent of a surface: as far as a joint holds it about its place."""
@@ -66,7 +69,7 @@ def region(
     away = np.linalg.norm(points - foot, axis=1)
     least = _least(away, holds)
     table, side = where
-    if radius is not None:
+    if radius is not None and (radius < np.inf or least):
         found = away <= radius * _EDGE
         if not holds(found):
             text = f" = {radius:.6g}: {int(found.sum())} nodes of {side} are within it, too few to "
@@ -136,6 +139,8 @@ class HeldRegion:
         every: How many nodes the surface has.
         radius: Within which they are [m].
         why: Where the radius is from, in words; empty if it was given.
+        turns: Whether it turns: a place in a solid does not, nodes about it have its shape
+            functions for areas.
     """
 
     numbers: Integers
@@ -144,6 +149,16 @@ class HeldRegion:
     every: int
     radius: float
     why: str
+    turns: bool = True
+
+    def tip(self) -> tuple[Floats, Floats]:
+        """Its place (3,), and its velocity and spin by those of its nodes, (6, nodes, dim)."""
+        if self.turns and (made := tip(self.points, self.areas)) is not None:
+            return made
+        dim = self.points.shape[1]
+        rows = np.zeros((6, len(self.points), dim))
+        rows[:dim] = self.areas[None, :, None] * np.eye(dim)[:, None]
+        return in_space(self.areas @ self.points), rows
 
 
 @dataclass
@@ -158,13 +173,22 @@ class HeldRegions:
     regions: dict[Key, HeldRegion] = field(default_factory=dict)
     owners: dict[Key, str] = field(default_factory=dict)
 
-    def add(self, index: int, joint: str, key: Key, made: HeldRegion) -> None:
+    def add(
+        self, index: int, joint: str, key: Key, made: HeldRegion, *, alone: bool = True
+    ) -> None:
         """Add what a joint holds, by its number and name.
+
+        Args:
+            index: Of the joint.
+            joint: Its name.
+            key: Where it holds what.
+            made: What it holds.
+            alone: Whether no other may hold the same: springs and dampers leave nodes free.
 
         Raises:
             KeyedError: Another joint holds some of its nodes.
         """
-        for other, known in self.regions.items():
+        for other, known in self.regions.items() if alone else ():
             both = np.intersect1d(made.numbers, known.numbers)
             if len(both) and (other != key or not np.array_equal(made.numbers, known.numbers)):
                 apart = float(np.linalg.norm(np.subtract(key[1], other[1])))
@@ -175,3 +199,30 @@ class HeldRegions:
                 raise KeyedError(f"joint[{index}]", "radius", text + less)
         self.regions.setdefault(key, made)
         self.owners.setdefault(key, joint)
+
+
+def tip(points: Floats, weights: Floats) -> tuple[Floats, Floats] | None:
+    """Place (3,) of a tip and its velocity and spin by those of nodes (6, nodes, dim).
+
+    None where its nodes do not tell how it turns.
+    """
+    dim = points.shape[1]
+    whole = weights.sum()
+    if not whole > 0.0:
+        return None
+    shares = weights / whole
+    mean = shares @ points
+    arms = in_space(points - mean)
+    unit = np.eye(3)[:dim]
+    moments = (arms**2).sum(axis=1)[:, None, None] * np.eye(3) - arms[:, :, None] * arms[:, None]
+    moment = np.einsum("n,nij->ij", shares, moments)
+    turns = slice(2, 3) if dim == 2 else slice(0, 3)  # in the plane one turn
+    inner = moment[turns, turns]
+    if np.linalg.eigvalsh(inner)[0] <= _FLAT * np.trace(moment):
+        return None
+    rows = np.zeros((6, len(points), dim))
+    rows[:3] = shares[None, :, None] * np.eye(3)[:, None, :dim]
+    turned = np.cross(arms[:, None], unit)  # r x e, (nodes, dim, 3)
+    spins = np.einsum("n,ndk->knd", shares, turned)[turns]
+    rows[3:][turns] = np.tensordot(np.linalg.inv(inner), spins, axes=1)
+    return in_space(mean), rows

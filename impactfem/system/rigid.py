@@ -284,7 +284,7 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
 
     spin = float(np.linalg.norm(velocity[dim:]))
     # Steps of what is joined, or beside iterated bodies, follow arms and turns.
-    free = not (carriers or rims or scene.joints or scene.iterated) and _is_free(inertia, arms)
+    free = not (carriers or rims or scene.couplings or scene.iterated) and _is_free(inertia, arms)
     return Rigid(
         names=(body.name,),
         masses=(body.total_mass,),

@@ -15,15 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impactfem.arrays import Floats, Integers
+from impactfem.arrays import Integers
 from impactfem.fem import gather
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.regions import HeldRegion
-from impactfem.system.rigid import in_space
 from impactfem.system.stations import Asked, Stations
 from impactfem.system.surface import SurfaceNodes
-
-_FLAT = 1e-9  # share of the largest moment of a tip below which its nodes lie on a line
 
 
 @dataclass(frozen=True)
@@ -33,13 +30,12 @@ class Tips:
     Attributes:
         name: Of the solid.
         system: The solid.
-        regions: What joints hold, by the name of a side and a place at t = 0 [m], the same on every
-            rank.
+        regions: What joints hold, the same on every rank.
     """
 
     name: str
     system: ElasticSystem
-    regions: Mapping[tuple[str, tuple[float, ...]], HeldRegion]
+    regions: Mapping[Key, HeldRegion]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -64,15 +60,12 @@ class Tips:
         them, which tells redundant rows; the march has its own.
         """
         system, nodes, every = self.system, self.nodes, self._every
-        keys = [(name, tuple(place[: system.dim].tolist())) for name, place, _ in asked]
+        keys = [(name, tuple(at[: system.dim].tolist()), radius) for name, at, radius in asked]
         alone = list(dict.fromkeys(keys))
         places, rows = [], []
         for key in alone:
             held = self.regions[key]
-            made = tip(held.points, held.areas)
-            if made is None:  # regions tell how they turn
-                raise NotImplementedError
-            place, own = made
+            place, own = held.tip()
             row = np.zeros((6, nodes.count, nodes.dim))
             row[:, np.searchsorted(every, held.numbers)] = own
             places.append(place)
@@ -80,7 +73,7 @@ class Tips:
         moved, moving = nodes.gather(system.displacement).ravel(), np.array(rows)
         found = Stations.along(
             tuple(alone.index(key) for key in keys),
-            tuple(name for name, _ in alone),
+            tuple(name for name, *_ in alone),
             np.array(places) + np.array([(row @ moved)[:3] for row in rows]),
             moving,
             nodes.count / system.total_mass * moving.reshape(-1, len(moved)).T,
@@ -88,30 +81,3 @@ class Tips:
         )
         count = int((~gather(system.comm, system.constrained)).sum())
         return replace(found, freedoms=count, given=())
-
-
-def tip(points: Floats, weights: Floats) -> tuple[Floats, Floats] | None:
-    """Place (3,) of a tip and its velocity and spin by those of nodes (6, nodes, dim).
-
-    None where its nodes do not tell how it turns.
-    """
-    dim = points.shape[1]
-    whole = weights.sum()
-    if not whole > 0.0:
-        return None
-    shares = weights / whole
-    mean = shares @ points
-    arms = in_space(points - mean)
-    unit = np.eye(3)[:dim]
-    moments = (arms**2).sum(axis=1)[:, None, None] * np.eye(3) - arms[:, :, None] * arms[:, None]
-    moment = np.einsum("n,nij->ij", shares, moments)
-    turns = slice(2, 3) if dim == 2 else slice(0, 3)  # in the plane one turn
-    inner = moment[turns, turns]
-    if np.linalg.eigvalsh(inner)[0] <= _FLAT * np.trace(moment):
-        return None
-    rows = np.zeros((6, len(points), dim))
-    rows[:3] = shares[None, :, None] * np.eye(3)[:, None, :dim]
-    turned = np.cross(arms[:, None], unit)  # r x e, (nodes, dim, 3)
-    spins = np.einsum("n,ndk->knd", shares, turned)[turns]
-    rows[3:][turns] = np.tensordot(np.linalg.inv(inner), spins, axes=1)
-    return in_space(mean), rows

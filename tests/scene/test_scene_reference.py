@@ -27,6 +27,7 @@ TABLES = {
     '[[obstacle]] with kind = "wall"': language.Wall,
     "[[contact]]": language.Contact,
     "[[joint]]": language.Joint,
+    "[[spring]]": language.SpringElement,
     "[[probe]]": language.Probe,
     "[[parameter]]": language.Parameter,
     "[[control]]": language.Control,
