@@ -50,7 +50,6 @@ if TYPE_CHECKING:
         Scene,
         Solid,
         Solve,
-        SpringElement,
         SpringNet,
         Wall,
     )
@@ -82,7 +81,6 @@ _HOMES = {
     "SceneError": "impactfem.errors",
     "Solid": "impactfem.scene",
     "Solve": "impactfem.scene",
-    "SpringElement": "impactfem.scene",
     "SpringNet": "impactfem.scene",
     "Wall": "impactfem.scene",
     "compare": "impactfem.result.compare",
@@ -113,7 +111,7 @@ _MOVED = {
     name: room
     for room, names in {
         "bodies": "BeamSupport EdgeSupport FacePressure Formula Layer Limit Orthotropic "
-        "PiecewiseConstant PiecewiseVector Pressure Refinement Signal Spring Support Traction",
+        "PiecewiseConstant PiecewiseVector Pressure Refinement Signal Spring SpringElement Support Traction",
         "errors": "ConvergenceError MeshError MissingDependencyError OutputError",
         "exact": "ExactBar ExactBarRow RowBar",
         "inverse": "Control Gradient Identified Measure Objective Optimised Parameter Term",
@@ -148,7 +146,6 @@ __all__ = [
     "Simulation",
     "Solid",
     "Solve",
-    "SpringElement",
     "SpringNet",
     "Wall",
     "__version__",
