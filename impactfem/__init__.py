@@ -111,7 +111,7 @@ _MOVED = {
     name: room
     for room, names in {
         "bodies": "BeamSupport EdgeSupport FacePressure Formula Layer Limit Orthotropic "
-        "PiecewiseConstant PiecewiseVector Pressure Refinement Signal Spring SpringElement Support Traction",
+        "PiecewiseConstant PiecewiseVector Pressure Refinement Signal Spring Support Traction",
         "errors": "ConvergenceError MeshError MissingDependencyError OutputError",
         "exact": "ExactBar ExactBarRow RowBar",
         "inverse": "Control Gradient Identified Measure Objective Optimised Parameter Term",

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
+from impactfem.system.regions import tip
 from impactfem.system.stations import Stations
-from impactfem.system.tips import tip
 
 
 class FollowedTips:

@@ -11,7 +11,7 @@ from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.link_shapes import named
 from impactfem.system.located import Located, locate
-from impactfem.system.regions import HeldRegion, HeldRegions, region, tip, triangles
+from impactfem.system.regions import HeldRegion, HeldRegions, Key, region, tip, triangles
 from impactfem.system.surface import SurfaceNodes
 from impactfem.system.tips import Tips
 

@@ -310,7 +310,7 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
     """
     if not scene.couplings:
         return None
-    ground = MovingGround(tuple(j.motion for j in scene.joints if j.motion is not None))
+    ground = MovingGround(tuple(j.motion for j in scene.couplings if j.motion is not None))
     parts, at = _held(scene, bodies, ground.count)
     each = [stations for _, stations in parts]
     names = (*([GROUND] * ground.count), *(name for stations in each for name in stations.names))
@@ -380,7 +380,7 @@ def _held(
 ) -> tuple[tuple[tuple[int, Stations], ...], dict[tuple[int, int], int]]:
     """Systems that joints hold, and stations by joint and side; the first are the ground's."""
     parts: list[tuple[int, Stations]] = []
-    moved = [k for k, joint in enumerate(scene.joints) if joint.motion is not None]
+    moved = [k for k, joint in enumerate(scene.couplings) if joint.motion is not None]
     at = {(k, side): 1 + n for n, k in enumerate(moved) for side in range(2)}
     for place, bodies in enumerate(every):
         sides, asked = [], list[Asked]()

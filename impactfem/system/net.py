@@ -15,10 +15,9 @@ from impactfem.scene.springs import SpringNet
 from impactfem.system.few import FewBodies
 from impactfem.system.link_shapes import named
 from impactfem.system.net_mesh import NetMesh, net_mesh
-from impactfem.system.regions import region
+from impactfem.system.regions import region, tip
 from impactfem.system.rigid import in_space
 from impactfem.system.stations import Asked, Stations
-from impactfem.system.tips import tip
 
 _STEPS = 10.0  # radians of an edge's vibration in one of the body that steps follow
 _ISOTROPIC = 1e-9  # share of the stiffness by which it may depend on the direction

@@ -18,7 +18,7 @@ import numpy as np
 from impactfem.arrays import Integers
 from impactfem.fem import gather
 from impactfem.system.elastic import ElasticSystem
-from impactfem.system.regions import HeldRegion
+from impactfem.system.regions import HeldRegion, Key
 from impactfem.system.stations import Asked, Stations
 from impactfem.system.surface import SurfaceNodes
 
