@@ -90,10 +90,24 @@ class Bodies[P: Stepper]:
             [part.placed(static[self.own(k)]) for k, part in enumerate(self.parts)]
         )
 
+    def straining(self, static: Floats) -> Floats:
+        """Displacement whose elastic stress is that of the bodies; of others that they have."""
+        each = ((part, static[self.own(k)]) for k, part in enumerate(self.parts))
+        return np.concatenate(
+            [getattr(part, "straining", part.placed)(pressed) for part, pressed in each]
+        )
+
     def state(self) -> dict[str, Any]:
         """What the next layer needs, of all bodies: one after the other, as `velocity` has them."""
         each = [part.state() for part in self.parts]
-        return {name: np.concatenate([state[name] for state in each if state]) for name in each[0]}
+        names = dict.fromkeys(name for state in each for name in state)
+        # Bodies that lack something have 0 of it.
+        return {
+            name: np.concatenate(
+                [state.get(name, np.zeros_like(state["displacement"])) for state in each if state]
+            )
+            for name in names
+        }
 
     def memory(self) -> dict[str, Floats]:
         """What it needs besides, of each body by its place."""

@@ -157,7 +157,7 @@ class FiniteMidpoint(FiniteBody):
         """
         system, drive = self._system, self._drive
         self._span = step = end - start
-        self._strain.retard(system.rayleigh_stiffness / step)
+        self._strain.retard(system.rayleigh_stiffness, step)
         self._strain.press(start, end)
         gravity = drive.gravity(start, end)
         self._stale, self._left = True, np.inf
@@ -309,6 +309,7 @@ class FiniteMidpoint(FiniteBody):
         new = (2.0 / step) * moved - self.velocity
         drift = moved / step
         self.velocity = np.where(self._still, drift, new)
+        self._strain.settle(self.displacement, self._after)
         self.displacement = self._after
 
     def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
@@ -322,12 +323,18 @@ class FiniteMidpoint(FiniteBody):
 
     def state(self) -> dict[str, Any]:
         """What the next layer needs."""
-        return {"displacement": self.displacement.copy(), "velocity": self.velocity.copy()}
+        moved = {"displacement": self.displacement.copy(), "velocity": self.velocity.copy()}
+        return moved | self._strain.state()
+
+    def straining(self, static: Floats) -> Floats:
+        """Displacement whose elastic stress is that of the body, as a new array."""
+        return self._strain.straining(self.placed(static))
 
     def restore(self, state: dict[str, Any], surface: Floats) -> None:  # noqa: ARG002
         """Continue from a state."""
         self.displacement = np.array(state["displacement"])
         self.velocity = np.array(state["velocity"])
+        self._strain.restore(state)
 
     def destroy(self) -> None:
         """Free PETSc's objects."""

@@ -6,6 +6,16 @@ With w = u + b v in the middle of the layer (b: stiffness damping, a: mass dampi
     mu = 2 (2 / dt + a) / (dt (1 + tau)),
     u_b = u_a + 2 (w - u_a) / (1 + tau),   v_b = 2 (u_b - u_a) / dt - v_a.
 
+With Maxwell terms (`impactfem.system.relaxation`) w = u + sum g r + b v, tau grows by the sum of
+g / (1 + k), and u_a + sum g r_a / (1 + k) stands for u_a but in the first term of u_b. Massless
+nodes are in equilibrium at the levels, so that they creep:
+
+    K_c (u_b + sum g r_b) = lambda_b,   u_b + sum g r_b = (1 + sum g / (1 + k)) u_b + what is known.
+
+Where theta of their law is 1/2 (`impactfem.contact.layer_law`) that keeps the balance of energy
+exactly; in layers in which contact begins or ends it misses theta - 1/2 times the change of the
+force times what the nodes creep without it.
+
 Massless contact nodes have zero rows in M: there w is in equilibrium.
 """
 
@@ -23,6 +33,7 @@ from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
 from impactfem.system.massless import transferred
+from impactfem.system.relaxation import named
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 _COLUMN_BYTES = 2**28  # kept answers to unit forces; beyond this a layer solves once more
@@ -54,7 +65,7 @@ class Midpoint:
         self._system, self._surface, self._statics = system, surface, statics
         self.massive = self.radiating = self.volatile = np.zeros(surface.count, dtype=bool)
         self._transfer, self._drive = transfer, Drive(system, transfer)
-        lag = 2.0 * system.rayleigh_stiffness / dt
+        lag = 2.0 * system.rayleigh_stiffness / dt + system.relaxation.stiffening(dt)
         self._mu = 2.0 * (2.0 / dt + system.rayleigh_mass) / (dt * (1.0 + lag))
         self._advance = 2.0 / (1.0 + lag)
         with products_in_order(system.comm):
@@ -68,6 +79,9 @@ class Midpoint:
         self._sum = np.zeros(len(system.constrained))
         self.displacement: Floats = system.displacement.copy()
         self.velocity: Floats = system.velocity.copy()
+        self._relaxing = system.relaxation.rest(len(self.displacement))
+        self._stiffened = 1.0 + system.relaxation.stiffening(dt)
+        self._held: Floats | None = None  # see `Relaxation.held`
         self._still = system.constrained.copy()
         if statics is not None:
             self._still[surface.dofs] = True
@@ -109,9 +123,15 @@ class Midpoint:
     def _contact_at(self, time: float) -> Floats:
         if self._statics is None:
             return self._surface.gather(self.displacement)
-        pull = self._drive.pull(time)
+        more, held = self._stiffened, self._held
+        if held is None:
+            pull = self._drive.pull(time)
+            load = None if pull is None else self._surface.gather(pull)
+            return self._statics.equilibrium(self.displacement, load)
+        pull = self._drive.pull(time, more, held)
         load = None if pull is None else self._surface.gather(pull)
-        return self._statics.equilibrium(self.displacement, load)
+        found = self._statics.equilibrium(more * self.displacement + held, load)
+        return (found - self._surface.gather(held)) / more
 
     def _times_mass(self, values: Floats) -> Floats:
         self._argument.setArray(values)
@@ -124,7 +144,11 @@ class Midpoint:
         system, drive, dt = self._system, self._drive, self.dt
         self._times = start, end
         gravity = self.gravity(start, end)
-        motion = self._mu * self.displacement + (2.0 / dt) * self.velocity
+        straining, relaxation = self.displacement, system.relaxation
+        if relaxation:
+            straining = straining + relaxation.pull(self._relaxing, dt)
+            self._held = relaxation.held(self._relaxing, self.displacement, dt)
+        motion = self._mu * straining + (2.0 / dt) * self.velocity
         carried = np.tile(system.carried(motion), len(motion) // system.dim)
         motion -= carried
         carried /= self._mu  # of the middle: the equations are solved for what strains
@@ -134,15 +158,19 @@ class Midpoint:
         if drive.is_active:
             self._loads = drive.load(start, end)
             right += self._loads + 0.5 * (drive.lift(start) + drive.lift(end))
+            if relaxation and drive.has_moved:
+                way = system.supports.motion(end)[0] - self.displacement[drive.moved]
+                amid = relaxation.amid(self._relaxing[:, drive.moved], way, dt)
+                right += drive.lifted(relaxation.straining(amid))
         right[system.constrained] = 0.0
         if self._solver.is_iterative:  # from where the body would be without forces
-            guess = self.displacement + (0.5 * dt) * self.velocity - carried
+            guess = straining + (0.5 * dt) * self.velocity - carried
             guess[system.constrained] = 0.0
             self._middle.setArray(guess)
         self._right.setArray(right)
         self._solver.solve(self._right, self._middle)
         self._before = self.displacement.copy()
-        change = self._advance * (self._middle.getArray() - (self.displacement - carried))
+        change = self._advance * (self._middle.getArray() - (straining - carried))
         change[self._still] = 0.0
         self.displacement += change
         if drive.has_moved:
@@ -164,7 +192,9 @@ class Midpoint:
 
     def static(self, forces: Floats) -> Floats:
         """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
-        return np.zeros_like(forces) if self._statics is None else self._statics.response(forces)
+        if self._statics is None:
+            return np.zeros_like(forces)
+        return self._statics.response(forces) / self._stiffened
 
     def _answer_of_contact(self, answer: Floats) -> Floats:
         if self._statics is None:
@@ -214,12 +244,21 @@ class Midpoint:
             self._surface.spread(self._contact + static, self.displacement)
             drift = (self._contact - self._contact_before) / self.dt
             self._surface.spread(drift, self.velocity)
+        amid = self._relax() if system.relaxation else None
         work = float(self._loads @ moved) if self._drive.is_active else 0.0
         if self._drive.has_moved:
             step = self.displacement - self._before
-            reaction = self._drive.reaction(self.displacement - 0.5 * step)
+            middle = self.displacement - 0.5 * step
+            reaction = self._drive.reaction(middle if amid is None else middle + amid)
             work += float(reaction @ step[self._drive.moved])
         return self._summed(work, self._times[1])
+
+    def _relax(self) -> Floats:
+        """Take Maxwell terms to the end of the layer; what they strained amid it, (owned dofs,)."""
+        relaxation, way = self._system.relaxation, self.displacement - self._before
+        amid = relaxation.straining(relaxation.amid(self._relaxing, way, self.dt))
+        self._relaxing = relaxation.after(self._relaxing, way, self.dt)
+        return amid
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
         """Velocities of contact nodes at both ends of the layer [m/s] (collective)."""
@@ -258,6 +297,14 @@ class Midpoint:
         elastic = 0.5 * float(strained[free] @ internal[free])
         if self._drive.has_moved:
             elastic += self._drive.elastic(self.displacement, self.displacement)
+        for share, kept in zip(system.relaxation.shares, self._relaxing, strict=True):
+            lasting = (kept.reshape(-1, dim) - system.carried(kept)).ravel()
+            self._argument.setArray(lasting)
+            system.stiffness.mult(self._argument, self._product)
+            stored = 0.5 * float(lasting[free] @ self._product.getArray()[free])
+            if self._drive.has_moved:
+                stored += self._drive.elastic(kept, kept)
+            elastic += float(share) * stored
         momentum = self._times_mass(self.velocity)
         kinetic = 0.5 * float(self.velocity @ momentum)
         whole = momentum.reshape(-1, dim).sum(axis=0)
@@ -272,9 +319,14 @@ class Midpoint:
         """Displacement of the owned dofs with massless nodes where they are, as a new array."""
         return self.displacement.copy()
 
+    def straining(self, static: Floats) -> Floats:
+        """Displacement whose elastic stress is that of the body, as a new array."""
+        return self.placed(static) + self._system.relaxation.straining(self._relaxing)
+
     def state(self) -> dict[str, Any]:
         """What the next layer needs."""
-        return {"displacement": self.displacement.copy(), "velocity": self.velocity.copy()}
+        moved = {"displacement": self.displacement.copy(), "velocity": self.velocity.copy()}
+        return moved | named(self._relaxing)
 
     def memory(self) -> dict[str, Floats]:
         """Nothing besides."""
@@ -287,6 +339,8 @@ class Midpoint:
         """Continue from a state; ``surface`` was `surface_displacement`, to the last bit."""
         self.displacement[:] = state["displacement"]
         self.velocity[:] = state["velocity"]
+        for name, kept in zip(named(self._relaxing), self._relaxing, strict=True):
+            kept[:] = state[name]
         self._contact = surface.copy()
 
     def destroy(self) -> None:

@@ -54,6 +54,12 @@ class Level:
         """Displacement of the dofs this rank owns, contact included [m]."""
         return self._interior.placed(self._static)
 
+    @cached_property
+    def straining(self) -> Floats:
+        """Displacement whose elastic stress is that of the bodies: more where they relax [m]."""
+        own = getattr(self._interior, "straining", None)
+        return self.displacement if own is None else np.asarray(own(self._static))
+
     @property
     def velocity(self) -> Floats:
         """Velocity of the dofs this rank owns [m/s]."""

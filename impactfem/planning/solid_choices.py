@@ -126,6 +126,8 @@ def _implicit_only(scene: Scene, sizes: Sequence[Size]) -> str:
         return f"{scene.why_marched}: bodies without meshes take implicit steps, which do not ring"
     if scene.couplings:
         return "joints act on implicit steps"
+    if any(solid.relaxing for solid in scene.solids):
+        return "Maxwell terms relax in implicit steps"
     if max(size.degree for size in sizes) == 2:
         return "elements of degree 2 have no lumped mass, so an implicit method"
     return ""

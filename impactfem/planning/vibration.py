@@ -76,6 +76,7 @@ def follow_vibration(
     """
     duration, layers, solve = scene.duration, steps.layers or 1, scene.solve
     fixed = solve.dt is not None or solve.courant is not None or steps.dt is None
+    fixed = fixed or any(solid.relaxing for solid in scene.solids)
     other = model.few or scene.couplings or scene.iterated
     if fixed or other or layers <= _WORTH * _LEAST or not _is_steady(scene, model, steps):
         return steps, False

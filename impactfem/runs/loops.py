@@ -422,6 +422,11 @@ def _interior(
     if scheme.explicit:
         return Leapfrog(part.system, surface, statics, transfer, dt)
     if callable(scheme.interior):
+        if part.system.relaxation:
+            raise SceneError(
+                f"solve.method: an extension moves the inside of {part.solid.name}, and its "
+                'Maxwell terms (viscoelastic) relax in the midpoint rule only; give "massless"'
+            )
         made: Interior = scheme.interior(part.system, surface, statics, transfer, dt, linear_solver)
         return made
     return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)

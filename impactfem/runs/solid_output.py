@@ -146,9 +146,9 @@ class FieldOutput:
         """Write the level if it is its turn (collective)."""
         if level.layer % self._every and level.layer != self._layers:
             return
-        collect, moved = self._collector.collect, level.displacement
+        collect, moved, strained = self._collector.collect, level.displacement, level.straining
         each = [
-            shown.at(moved[first:end])
+            shown.at(strained[first:end])
             for shown, (first, end) in zip(self._shown, pairwise(self._cuts), strict=True)
         ]
         values = {

@@ -19,6 +19,9 @@ from impactfem.scene.probes import outside
 from impactfem.system.located import Located
 from impactfem.system.true_stress import TrueStress
 
+_BLOCKS = {"velocity": 1, "stress": 2}
+"""Which of what levels tell the nodes of a quantity have, beside displacements."""
+
 Told = Callable[[], Mapping[str, Mapping[str, float]]]
 """Tells figures of a level by first and last part of their columns."""
 
@@ -53,9 +56,9 @@ class SolidProbes:
     Attributes:
         march: Its rows take the columns.
         names: Probe and last part of each column.
-        weights: Of the displacements and then the velocities that are `needed`, (columns, needed).
-        needed: Which of the owned dofs of all bodies, one body after the other: of displacements,
-            and of velocities.
+        weights: Of the displacements, the velocities and the displacements that strain which are
+            `needed`, one after the other, (columns, needed).
+        needed: Which of the owned dofs of all bodies, one body after the other, of each of these.
         laws: Of stresses that are not linear, by probe: the columns are what these need.
         telling: What tells the columns that follow.
         counts: Whether this rank does.
@@ -65,7 +68,7 @@ class SolidProbes:
     march: TimeLoop[Any]
     names: tuple[tuple[str, str], ...]
     weights: csr_matrix
-    needed: tuple[Integers, Integers]
+    needed: tuple[Integers, Integers, Integers]
     laws: Mapping[str, TrueStress]
     telling: tuple[Told, ...]
     counts: bool
@@ -97,24 +100,24 @@ class SolidProbes:
         telling = [*_on_lines(model, few), *(march.told for march in few), *joined]
         telling += [] if kept is None else [line.told for line in kept.lines]
         asked = [
-            (probe.name, located.numbers + model.starts[body], quantity == "velocity",
+            (probe.name, located.numbers + model.starts[body], _BLOCKS.get(quantity, 0),
              _weights(quantity, located, dim))
             for probe, body, located in model.probes
             for quantity in probe.watched
         ]  # fmt: skip
         if kept is not None:
             asked += [
-                (name, numbers, False, {f"{k}{at}": w for at, w in _along(shares, dim).items()})
+                (name, numbers, 0, {f"{k}{at}": w for at, w in _along(shares, dim).items()})
                 for name, each in kept.rows.items()
                 for k, (numbers, shares) in enumerate(zip(*each, strict=True))
             ]
         place = {int(number): k for k, number in enumerate(own)} if asked else {}
         names: list[tuple[str, str]] = []
         told, rows, columns = [np.zeros(0)], [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
-        for name, numbers, of_velocity, parts in asked:
+        for name, numbers, block, parts in asked:
             mine = [k for k, number in enumerate(numbers.tolist()) if number in place]
             dofs = dim * np.array([place[int(numbers[k])] for k in mine], dtype=int)[:, None]
-            own_columns = (of_velocity * dim * len(own) + dofs + np.arange(dim)).ravel()
+            own_columns = (block * dim * len(own) + dofs + np.arange(dim)).ravel()
             for part, weights in parts.items():
                 rows.append(np.full(len(own_columns), len(names)))
                 columns.append(own_columns)
@@ -123,7 +126,8 @@ class SolidProbes:
         needed, compact = np.unique(np.concatenate(columns), return_inverse=True)
         entries = np.concatenate(told), (np.concatenate(rows), compact)
         weights = csr_matrix(entries, shape=(len(names), len(needed)))
-        moving = needed >= dim * len(own)
+        cuts = np.searchsorted(needed, dim * len(own) * np.arange(1, 3))
+        displaced, moving, strained = np.split(needed, cuts)
         names += [(name, part) for each in telling for name, own in each().items() for part in own]
         march.rows.probes = np.zeros((march.layers + 1, len(names)))
         laws = {
@@ -131,15 +135,16 @@ class SolidProbes:
             for probe, _, located in model.probes
             if located.law is not None and "stress" in probe.quantities
         }
-        which = needed[~moving], needed[moving] - dim * len(own)
+        which = displaced, moving - dim * len(own), strained - 2 * dim * len(own)
         counts = model.comm.rank == 0
         return cls(march, tuple(names), weights, which, laws, tuple(telling), counts, kept)
 
     def __call__(self, level: Level) -> None:
         """Keep a level."""
-        at, moving = self.needed
+        at, moving, strained = self.needed
         moved = [level.displacement[at] if len(at) else np.zeros(0)]
         moved += [level.velocity[moving]] if len(moving) else []
+        moved += [level.straining[strained]] if len(strained) else []
         told = [value for each in self.telling for of in each().values() for value in of.values()]
         own = self.weights @ np.concatenate(moved) if self.weights.shape[0] else moved[0]
         self.march.rows.probes[level.layer] = np.concatenate([own, self.counts * np.array(told)])

@@ -153,7 +153,9 @@ def _takes_energy(body: Any) -> bool:
     """Whether a body takes energy itself."""
     rates = (getattr(body, "rayleigh_mass", 0.0), getattr(body, "rayleigh_stiffness", 0.0))
     springs = (spring.damping for spring in getattr(body, "springs", ()))
-    return any((*rates, *getattr(body, "rayleigh_damping", ()), *springs))
+    return any(
+        (*rates, *getattr(body, "relaxing", ()), *getattr(body, "rayleigh_damping", ()), *springs)
+    )
 
 
 def _error(scene: Scene, summary: Mapping[str, Any]) -> tuple[Finding, ...]:

@@ -43,6 +43,7 @@ from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
 from impactfem.scene.solids import Refinement, Solid
 from impactfem.scene.springs import SpringNet
 from impactfem.scene.toml import parse_assignment
+from impactfem.scene.viscoelastic import KelvinVoigt, Maxwell, MaxwellTerm
 
 __all__ = [
     "Bar",
@@ -62,9 +63,12 @@ __all__ = [
     "Hull",
     "Joint",
     "JointStart",
+    "KelvinVoigt",
     "Layer",
     "Limit",
     "Material",
+    "Maxwell",
+    "MaxwellTerm",
     "Measure",
     "Mechanism",
     "Objective",

@@ -9,7 +9,7 @@ from impactfem.scene.body import Solver
 from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
 from impactfem.scene.content import BODIES, Content
-from impactfem.scene.finite_checks import check_finite
+from impactfem.scene.finite_checks import check_finite, check_relaxing
 from impactfem.scene.inverse import check_asked
 from impactfem.scene.joint_checks import check_couplings, check_joints
 from impactfem.scene.loads import PiecewiseConstant
@@ -120,6 +120,7 @@ def _check_marched(scene: Content) -> None:
             given = support.value or ()
             check_motion(places[solid.name], key, given, scene.duration, from_zero=begins)
     check_finite(scene)
+    check_relaxing(scene)
     _check_residual(scene)
     mixed = len(scene.solids) < len(scene.bodies)
     if not mixed:

@@ -25,6 +25,20 @@ def check_finite(scene: Content) -> None:
         _check_explicit(scene)
 
 
+def check_relaxing(scene: Content) -> None:
+    """Refuse explicit steps of bodies with Maxwell terms.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    method, relaxing = scene.solve.method, [s.name for s in scene.solids if s.relaxing]
+    if relaxing and method is not None and METHODS[method].stable == "limited":
+        text = f" = {show(method)} takes explicit steps, whose forces are those of one place, while"
+        text += f" Maxwell terms of {relaxing[0]} (viscoelastic) follow its way amid a step: give "
+        text += '"massless" or "conserving".'
+        raise KeyedError("solve", "method", text)
+
+
 def _check_settings(scene: Content, why: str) -> None:
     """Refuse methods and settings of linear steps."""
     solve = scene.solve

@@ -33,6 +33,12 @@ from impactfem.scene.shape import MODELS
 from impactfem.scene.shapes import SHAPES, Block, Cylinder, Disc, Ring, Sphere
 from impactfem.scene.solid_checks import check_solid
 from impactfem.scene.solid_constants import check_constants
+from impactfem.scene.viscoelastic import (
+    VISCOELASTIC,
+    KelvinVoigt,
+    Maxwell,
+    check_viscoelastic,
+)
 
 type AnyShape = Block | Disc | Ring | Cylinder | Sphere
 
@@ -213,6 +219,12 @@ class Solid(BodyKind):
     rayleigh_stiffness: float = key(
         Real(at_least=0), "damping by the stiffness matrix", unit="s", default=0.0
     )
+    viscoelastic: MaybeTable[KelvinVoigt | Maxwell] = key(
+        InlineTable(tuple(VISCOELASTIC)),
+        "how it creeps and relaxes; it is at rest so at t = 0, as if held for long",
+        default=None,
+        absent="not",
+    )
     contact_surfaces: tuple[str, ...] | None = key(
         ListOf(SURFACE, at_least=1, different=True),
         "surfaces that may touch obstacles",
@@ -225,6 +237,7 @@ class Solid(BodyKind):
         for name, value in elastic.items():
             object.__setattr__(self, name, value)
         self._fill()
+        check_viscoelastic(self)
         check_solid(self)
 
     def _fill(self) -> None:
@@ -325,7 +338,7 @@ class Solid(BodyKind):
     @property
     def meets_itself(self) -> bool:
         """Whether it may bend into itself: the plan takes finite strain where none is said."""
-        return self.is_finite or self.strain is None
+        return self.is_finite or (self.strain is None and not self.relaxing)
 
     @property
     def keeps_volume(self) -> bool:
@@ -348,7 +361,22 @@ class Solid(BodyKind):
     @property
     def derived(self) -> tuple[str, ...]:
         """Keys that follow from others: scene files leave them out."""
-        return ("youngs_modulus", "poisson_ratio") if self.material == "mooney_rivlin" else ()
+        found = ("youngs_modulus", "poisson_ratio") if self.material == "mooney_rivlin" else ()
+        retarded = isinstance(self.viscoelastic, KelvinVoigt)
+        return (*found, "rayleigh_stiffness") if retarded else found
+
+    @property
+    def relaxing(self) -> tuple[tuple[float, float], ...]:
+        """Of each Maxwell term what it adds to the elasticity, as a share, and its time [s]."""
+        law = self.viscoelastic
+        if not isinstance(law, Maxwell):
+            return ()
+        return tuple((term.modulus / self.youngs_modulus, term.time) for term in law.terms)
+
+    @property
+    def _at_once(self) -> float:
+        """Elasticity at once over that which is left after long."""
+        return 1.0 + sum(share for share, _ in self.relaxing)
 
     @property
     def law_in_words(self) -> str:
@@ -374,12 +402,12 @@ class Solid(BodyKind):
             modulus = self.youngs_modulus / ((1.0 - nu) * (1.0 + nu))
         else:
             modulus = self.lame + 2.0 * self.shear_modulus
-        return math.sqrt(modulus / self.density)
+        return math.sqrt(self._at_once * modulus / self.density)
 
     @property
     def s_wave_speed(self) -> float:
         """Speed [m/s] of shear waves, sqrt(mu / rho)."""
-        return math.sqrt(self.shear_modulus / self.density)
+        return math.sqrt(self._at_once * self.shear_modulus / self.density)
 
     @property
     def surface_names(self) -> tuple[str, ...] | None:

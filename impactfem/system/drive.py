@@ -45,12 +45,18 @@ class Drive:
 
     def lift(self, time: float) -> Floats:
         """Elastic and damping forces of moved supports on the rest [N], (owned dofs,)."""
+        if self._system.matrices.moved_stiffness is None:
+            return np.zeros(len(self._load))
+        place, speed, _ = self._system.supports.motion(time)
+        return self.lifted(place + self._system.rayleigh_stiffness * speed)
+
+    def lifted(self, place: Floats) -> Floats:
+        """Elastic forces on the rest by places (moved,) of moved supports [N], (owned dofs,)."""
         matrix = self._system.matrices.moved_stiffness
         if matrix is None:
             return np.zeros(len(self._load))
-        place, speed, _ = self._system.supports.motion(time)
         source, image = matrix.createVecs()
-        source.setArray(place + self._system.rayleigh_stiffness * speed)
+        source.setArray(place)
         matrix.mult(source, image)
         found: Floats = -image.getArray()
         found[self._system.constrained] = 0.0
@@ -58,16 +64,25 @@ class Drive:
         image.destroy()
         return found
 
-    def pull(self, time: float) -> Floats | None:
+    def pull(self, time: float, share: float = 1.0, held: Floats | None = None) -> Floats | None:
         """What moves contact nodes without mass in their equilibrium, (owned dofs,); None: nothing.
 
         Elastic forces of moved supports, and on dofs that these move themselves their place: such
         rows have 1 on the diagonal.
+
+        Args:
+            time: [s].
+            share: Times which what moved supports do counts.
+            held: Places of the owned dofs that count besides [m]; None: none.
         """
         if not self.has_moved:
             return None
         found = self.lift(time)
         found[self.moved] = self._system.supports.motion(time)[0]
+        if held is not None:
+            found *= share
+            found += self.lifted(held[self.moved])
+            found[self.moved] += held[self.moved]
         return found
 
     def moments(self, field: Floats) -> Floats:

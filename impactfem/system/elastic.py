@@ -20,6 +20,7 @@ from impactfem.system.following import FollowingPressures
 from impactfem.system.loads import Loads
 from impactfem.system.matrices import BodyMatrices, body_forms, body_matrices
 from impactfem.system.nodes import Nodes, body_nodes
+from impactfem.system.relaxation import Relaxation
 from impactfem.system.stress import NodalFields
 from impactfem.system.supports import Supports, find_supports
 
@@ -47,6 +48,7 @@ class ElasticSystem:
         velocity: Velocity at t = 0 [m/s], shape (owned dofs,).
         rayleigh_mass: Damping C = rayleigh_mass M + rayleigh_stiffness K [1/s].
         rayleigh_stiffness: [s].
+        relaxation: Maxwell terms; see there.
         fields: Stress, under finite strain strain too, at the nodes.
         axisymmetric: Whether x is the distance from the axis: then the whole body's momentum and
             mean displacement along x are zero, and its centre of mass lies on the axis.
@@ -63,6 +65,7 @@ class ElasticSystem:
     velocity: Floats
     rayleigh_mass: float
     rayleigh_stiffness: float
+    relaxation: Relaxation
     fields: NodalFields
     axisymmetric: bool = False
 
@@ -256,6 +259,7 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
         velocity=velocity,
         rayleigh_mass=solid.rayleigh_mass,
         rayleigh_stiffness=solid.rayleigh_stiffness,
+        relaxation=Relaxation.of(solid.relaxing),
         fields=NodalFields(nodes, forms, partial(shown, nodes, forms, solid)),
         axisymmetric=axisymmetric,
     )

@@ -1,5 +1,6 @@
 """Internal forces, tangents and energies of a body under finite strain, assembled by DOLFINx."""
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
@@ -101,9 +102,23 @@ class FiniteStrain:
         self._energy = fem.compile_form(forms.energy(self._after))
         self._inverted = fem.compile_form(forms.inverted(self._after))
 
-    def retard(self, steps: float) -> None:
-        """Take a time of retardation (Kelvin and Voigt), counted in time steps, from now on."""
-        self._viscosity.value = steps
+    def retard(self, retardation: float, step: float) -> None:
+        """Take a time of retardation (Kelvin and Voigt) and a time step [s] from now on."""
+        self._viscosity.value = retardation / step
+
+    def settle(self, before: Floats, after: Floats) -> None:
+        """Nothing: it remembers nothing."""
+
+    def straining(self, displacement: Floats) -> Floats:
+        """The displacement itself."""
+        return displacement
+
+    def state(self) -> dict[str, Floats]:
+        """Nothing."""
+        return {}
+
+    def restore(self, state: Mapping[str, Floats]) -> None:
+        """Nothing."""
 
     def force(self, before: Floats, after: Floats) -> Floats:
         """Forces of the nodes on the body in a step [N], (owned dofs,) (collective)."""

@@ -1,5 +1,6 @@
 """Solvers with the tangents of steps: factored anew in each, or kept where they stay."""
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -92,6 +93,7 @@ class KeptSolvers:
         damping: tuple[float, float],
         kind: str,
         near: Any,
+        stiffening: Callable[[float], float],
     ) -> None:
         """Prepare.
 
@@ -103,7 +105,9 @@ class KeptSolvers:
             damping: By mass [1/s] and by stiffness [s].
             kind: "mumps" or "gamg".
             near: PETSc null space of rigid motions.
+            stiffening: What a step [s] adds to the stiffness, as a share of it.
         """
+        self._stiffening = stiffening
         self._stiffness, self._mass, self._kind, self._near = stiffness, mass, kind, near
         own = np.flatnonzero(held) + mass.getOwnershipRange()[0]
         self._held = own.astype(PETSc.IntType)
@@ -137,7 +141,7 @@ class KeptSolvers:
     def _factored(self, step: float) -> LinearSolver:
         by_mass, by_stiffness = self._damping
         matrix = self._stiffness.copy()
-        matrix.scale(0.5 + by_stiffness / step)
+        matrix.scale(0.5 * (1.0 + self._stiffening(step)) + by_stiffness / step)
         matrix.axpy(inertia(step, by_mass), self._mass, _DIFFERENT)
         matrix.zeroRowsColumns(self._held, diag=1.0)
         return LinearSolver(matrix, self._kind, self._near)

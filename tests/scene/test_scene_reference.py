@@ -5,6 +5,7 @@ from dataclasses import fields
 
 from impactfem import scene as language
 from impactfem.scene import Bar, Output, Scene, Solid, Solve, Support, describe
+from impactfem.scene.contacts import Adhesion
 from impactfem.scene.drop import Drop
 from impactfem.scene.schema import TableDoc, keys_of
 
@@ -65,6 +66,10 @@ TABLES = {
     "layers = [{ thickness = ... }]": language.Layer,
     "minimise = [{ ... }]": language.Term,
     "constraints = [{ ... }]": language.Limit,
+    "adhesion = { ... }": Adhesion,
+    'viscoelastic = { kind = "kelvin_voigt" }': language.KelvinVoigt,
+    "terms = [{ ... }]": language.MaxwellTerm,
+    'viscoelastic = { kind = "maxwell" }': language.Maxwell,
 }
 
 
@@ -91,6 +96,7 @@ def test_every_table_and_key_is_described():
         "obstacle",
         "contact",
         "joint",
+        "spring",
         "probe",
         "parameter",
         "control",

@@ -198,6 +198,8 @@ def _damping(body: Any) -> str:
         parts.append(f"{quantity(body.rayleigh_mass, '1/s')} times the mass")
     if stiff := getattr(body, "rayleigh_stiffness", 0.0):
         parts.append(f"{quantity(stiff, 's')} times the stiffness")
+    for share, time in getattr(body, "relaxing", ()):
+        parts.append(f"{number(share)} times the stiffness that relaxes in {quantity(time, 's')}")
     if quality := getattr(body, "quality_factor", None):
         parts.append(f"a quality factor of {number(quality)} for the first mode")
     if ratios := getattr(body, "damping_ratio", None):

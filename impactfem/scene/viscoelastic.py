@@ -1,0 +1,92 @@
+"""How solids creep and relax at small strain: laws that scale their whole elasticity."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from impactfem.scene.given import Tables
+from impactfem.scene.inline import InlineTable, ListOf
+from impactfem.scene.kinds import Real
+from impactfem.scene.schema import KeyedError, key, table
+from impactfem.scene.values import show
+
+if TYPE_CHECKING:
+    from impactfem.scene.solids import Solid
+
+
+@table('viscoelastic = { kind = "kelvin_voigt" }')
+class KelvinVoigt:
+    """A dashpot beside the elasticity: stress C : (strain + time x its rate).
+
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    kind: ClassVar[str] = "kelvin_voigt"
+    heading: ClassVar[str] = "viscoelastic"
+
+    time: float = key(Real(above=0), "of retardation; the same as rayleigh_stiffness", unit="s")
+
+
+@table("terms = [{ ... }]")
+class MaxwellTerm:
+    """A spring and a dashpot in a row, beside the elasticity.
+
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    heading: ClassVar[str] = "terms"
+
+    modulus: float = key(
+        Real(above=0),
+        "what it adds at once to youngs_modulus, which is what is left after long",
+        unit="Pa",
+    )
+    time: float = key(Real(above=0), "of relaxation", unit="s")
+
+
+@table('viscoelastic = { kind = "maxwell" }')
+class Maxwell:
+    """Generalised Maxwell: youngs_modulus + the sum of modulus exp(-t / time) relaxes.
+
+    Poisson's ratio stays: the whole elasticity is scaled.
+
+    Raises:
+        SceneError: a value is missing or not allowed.
+    """
+
+    kind: ClassVar[str] = "maxwell"
+    heading: ClassVar[str] = "viscoelastic"
+
+    terms: Tables[MaxwellTerm] = key(
+        ListOf(InlineTable((MaxwellTerm,)), at_least=1), "springs with dashpots, one each"
+    )
+
+
+VISCOELASTIC: Sequence[type[Any]] = (KelvinVoigt, Maxwell)
+
+
+def check_viscoelastic(solid: "Solid") -> None:
+    """Refuse what contradicts the law; of Kelvin and Voigt's fill `rayleigh_stiffness`.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    law = solid.viscoelastic
+    if law is None:
+        return
+    if isinstance(law, KelvinVoigt):
+        given = solid.rayleigh_stiffness
+        if given not in {0.0, law.time}:
+            text = f" = {given} and viscoelastic.time = {law.time} are one thing: remove one."
+            raise KeyedError(solid.kind, "rayleigh_stiffness", text)
+        object.__setattr__(solid, "rayleigh_stiffness", law.time)
+        return
+    if solid.is_finite:
+        text = ' = { kind = "maxwell" } is a law of small strains, which do not turn with the body:'
+        text += ' give strain = "small" and material = "linear", or damp it by rayleigh_stiffness.'
+        raise KeyedError(solid.kind, "viscoelastic", text)
+    if solid.materials or not isinstance(solid.youngs_modulus, float | int):
+        text = ".terms have moduli beside one youngs_modulus, and that of the body is "
+        what = "given by materials" if solid.materials else show(str(solid.youngs_modulus))
+        raise KeyedError(solid.kind, "viscoelastic", f"{text}{what}: give one number.")

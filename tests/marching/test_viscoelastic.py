@@ -1,0 +1,219 @@
+"""Viscoelastic solids: waves against their dispersion, blows against an ordinary equation."""
+
+import numpy as np
+import pytest
+from moving_scenes import check_restart
+from pytest_mpi import parallel_assert
+from scipy.integrate import solve_ivp
+
+import impactfem
+from impactfem import Scene, SceneError
+from impactfem.models.solids import solids_model
+from impactfem.system.small_strain import SmallStrain
+
+SPEED, RATE = 1e-3, 2.0 * np.pi
+FORCES, ENERGY = 0.1797365917013975, 3.281982159214637e-07
+TERMS = ((0.5, 0.3), (2.0, 3.0))
+RELAXING = {"kind": "maxwell", "terms": [{"modulus": g, "time": t} for g, t in TERMS]}
+RETARDED = {"kind": "kelvin_voigt", "time": 0.03}
+FLOOR = {"name": "floor", "kind": "half_space", "point": [0, 0], "normal": [0, 1]}
+UNIT = {
+    "kind": "solid", "model": "plane_strain", "density": 1.0, "youngs_modulus": 1.0,
+    "poisson_ratio": 0.0, "strain": "small", "cells": "hexahedron",
+}  # fmt: skip
+
+
+def scene(*bodies, duration=4.0, obstacle=(FLOOR,), dt=0.01, method="massless", **more):
+    solve = {"method": method, "dt": dt, "estimate": False} | more.pop("solve", {})
+    return Scene.from_dict(
+        {
+            "title": "viscoelastic", "duration": duration, "body": list(bodies),
+            "obstacle": list(obstacle), "solve": solve, "output": {"fields": []},
+        } | more
+    )  # fmt: skip
+
+
+def block(size=1.0, **own):
+    """A unit square that falls; of one element it is a mass on a spring."""
+    return UNIT | {
+        "name": "block", "shape": {"kind": "block", "size": [1.0, 1.0]}, "mesh_size": size,
+        "degree": 1, "velocity": [0, -SPEED], "contact_surfaces": ["bottom"],
+        "viscoelastic": RELAXING,
+    } | own  # fmt: skip
+
+
+def one_degree():
+    """Restitution of a unit mass on a unit spring with the terms beside it, by its equation."""
+    shares, times = np.array(TERMS).T
+
+    def rates(_, y):
+        return np.r_[y[1], -y[0] - shares @ y[2:], y[1] - y[2:] / times]
+
+    def parts(t, y):
+        return y[0] + shares @ y[2:] + (t < 0.1)
+
+    parts.terminal, parts.direction = True, -1
+    start = np.r_[0.0, 1.0, np.zeros(len(TERMS))]
+    found = solve_ivp(rates, (0.0, 20.0), start, events=parts, rtol=1e-10, atol=1e-12)
+    return -float(found.y[1, -1])
+
+
+@pytest.mark.parallel(1)
+@pytest.mark.parametrize(
+    ("law", "modulus"),
+    [
+        (RETARDED, lambda s: 1.0 + 0.03 * s),
+        (
+            {"kind": "maxwell", "terms": [{"modulus": 1.0, "time": 1.0 / RATE}]},
+            lambda s: 1.0 + s / RATE / (1.0 + s / RATE),
+        ),
+    ],
+)
+def test_waves_die_down_and_travel_by_their_dispersion(law, modulus):
+    """Between two places of a strip whose end is moved: 2e-4 of amplitude and phase."""
+    ramp = "where(t < 2, 0.5 - 0.5*cos(0.5*pi*t), 1)"
+    given = {"surface": "left", "kind": "motion", "value": [f"1e-3*sin(2*pi*t)*{ramp}", "0"]}
+    strip = UNIT | {
+        "name": "strip", "shape": {"kind": "block", "size": [5.0, 0.1]}, "mesh_size": 0.1,
+        "degree": 2, "viscoelastic": law, "supports": [given],
+    }  # fmt: skip
+    probes = [
+        {
+            "name": name,
+            "body": "strip",
+            "point": [x, 0.05],
+            "quantities": ["displacement", "stress"],
+        }
+        for name, x in (("near", 0.5), ("far", 1.0))
+    ]
+    history = impactfem.solve(scene(strip, duration=5.0, obstacle=(), probe=probes)).history
+    last = history["time"].values > 4.0 - 1e-9
+    times = history["time"].values[last]
+    waves = np.stack([np.cos(RATE * times), np.sin(RATE * times), np.ones_like(times)], axis=1)
+
+    def amplitude(column):
+        found = np.linalg.lstsq(waves, history[column].values[last], rcond=None)[0]
+        return found[0] - 1j * found[1]
+
+    number = RATE / np.sqrt(modulus(1j * RATE))
+    known = np.exp(-0.5j * number)
+    found = amplitude("far.ux") / amplitude("near.ux")
+    assert abs(np.log(abs(found)) / np.log(abs(known)) - 1.0) <= 3e-3
+    assert abs(np.angle(found / known)) <= 3e-3 * abs(np.angle(known))
+    if law is not RETARDED:
+        strain = -1j * number * amplitude("near.ux")
+        assert amplitude("near.sxx") / strain / modulus(1j * RATE) == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parallel(1)
+def test_restitution_is_that_of_one_degree_of_freedom():
+    """To second order in the step, with energy that never grows and is told."""
+    known, errors = one_degree(), []
+    for dt in (0.04, 0.02):
+        result = impactfem.solve(scene(block(), dt=dt))
+        history = result.history
+        errors.append(history["momentum.y"].values[-1] / SPEED - known)
+        energy = history["total_energy"].values
+        assert (np.diff(energy) <= 1e-12 * energy[0]).all()
+        # What is left in the springs of the terms at the end is stored, the rest is taken.
+        taken = sum(result.summary["energy"]["taken"].values())
+        assert taken == pytest.approx(energy[0] - energy[-1], rel=1e-9)
+    assert abs(errors[0]) <= 3e-4
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parallel(1)
+def test_steps_by_iterates_take_what_dashpots_take():
+    """Work of a step is the change of the energy and what r amid it loses, however it goes."""
+    part = solids_model(scene(block(0.5)), (1,)).parts[0]
+    strain, draw = SmallStrain(part.system.nodes, part.solid), np.random.default_rng(0)
+    strain.retard(0.0, step := 0.4)
+    terms, place = part.system.relaxation, np.zeros(len(part.system.displacement))
+    kept = terms.rest(len(place))
+    for _ in range(3):
+        after = place + draw.normal(size=len(place))
+        before, force = strain.energy(place), strain.force(place, after)
+        amid = terms.amid(kept, after - place, step)
+        kept = terms.after(kept, after - place, step)
+        taken = sum(
+            g * step / time * (2.0 * part.system.elastic_energy(r))
+            for g, time, r in zip(terms.shares, terms.times, amid, strict=True)
+        )
+        strain.settle(place, after)
+        place, work = after, float(force @ (after - place))
+        assert work == pytest.approx(strain.energy(place) - before + taken, rel=1e-11)
+
+
+@pytest.mark.parallel(1)
+def test_kelvin_voigt_is_damping_by_the_stiffness():
+    one = impactfem.solve(scene(block(0.25, viscoelastic=RETARDED))).history
+    said = block(0.25, viscoelastic=None, rayleigh_stiffness=RETARDED["time"])
+    two = impactfem.solve(scene(said)).history
+    for name in ("total_energy", "contact_force", "momentum.y"):
+        np.testing.assert_array_equal(one[name].values, two[name].values)
+
+
+@pytest.mark.parallel(1)
+def test_a_static_start_is_the_equilibrium_after_long():
+    """It stays so: the weight on the floor, the sag that of youngs_modulus."""
+    heavy = block(0.25, velocity=[0, 0])
+    probe = [{"name": "top", "body": "block", "point": [0.5, 1.0], "quantities": ["displacement"]}]
+    given = scene(heavy, start="static", gravity=[0, -1e-4], probe=probe, duration=2.0)
+    history = impactfem.solve(given).history
+    assert np.ptp(history["top.uy"].values) <= 1e-12
+    assert np.abs(history["contact_force"].values - 1e-4).max() <= 1e-12
+    soft = scene(heavy | {"viscoelastic": None}, **{k: given.to_dict()[k] for k in ("start",
+                 "gravity", "probe")}, duration=2.0)  # fmt: skip
+    elastic = impactfem.solve(soft).history
+    assert history["top.uy"].values[-1] == pytest.approx(elastic["top.uy"].values[-1], rel=1e-12)
+
+
+@pytest.mark.parallel(1)
+def test_the_same_in_flight_as_at_rest():
+    """Strains do not see how fast a body flies or where it is, nor turns in the plane."""
+    stretched = {"displacement": ["1e-4*x", "0"], "contact_surfaces": None}
+    energies = []
+    for velocity in ([0.0, 0.0], [30.0, 20.0]):
+        own = block(0.25, velocity=velocity, **stretched)
+        history = impactfem.solve(scene(own, obstacle=(), duration=1.0)).history
+        energies.append(history["elastic_energy"].values)
+    assert np.abs(energies[0] - energies[1]).max() <= 1e-8 * energies[0][0]
+
+
+@pytest.mark.parallel(1)
+def test_a_run_goes_on_to_the_bit(tmp_path, monkeypatch):
+    given = scene(block(0.5), duration=1.0, output={"fields": [], "checkpoint": 10})
+    check_restart(given, 57, tmp_path, monkeypatch)
+
+
+@pytest.mark.parallel([1, 2])
+def test_ranks_agree():
+    history = impactfem.solve(scene(block(0.25), duration=1.5)).history
+    force, energy = (history[name].values for name in ("contact_force", "total_energy"))
+    parallel_assert(abs(force.sum() - FORCES) <= 1e-10 * FORCES)
+    parallel_assert(abs(energy[-1] - ENERGY) <= 1e-10 * ENERGY)
+
+
+@pytest.mark.parallel(1)
+@pytest.mark.parametrize(
+    ("own", "method", "words"),
+    [
+        ({}, "explicit", 'solve.method = "explicit" takes explicit steps.*Maxwell terms of block'),
+        ({}, "galerkin", 'solve.method = "galerkin" takes explicit steps'),
+        ({"strain": "finite"}, None, 'viscoelastic = .*law of small strains.*strain = "small"'),
+        ({"youngs_modulus": "1 + x"}, None, "viscoelastic.terms have moduli beside one"),
+        ({"viscoelastic": {"kind": "maxwell", "terms": []}}, None, "viscoelastic.terms"),
+        (
+            {"viscoelastic": {"kind": "maxwell", "terms": [{"modulus": -1.0, "time": 1.0}]}}, None,
+            r"viscoelastic.terms\[0\].modulus = -1",
+        ),
+        ({"viscoelastic": {"kind": "kelvin"}}, None, "viscoelastic.kind.*kelvin_voigt"),
+        (
+            {"viscoelastic": RETARDED, "rayleigh_stiffness": 1.0}, None,
+            "rayleigh_stiffness = 1.0 and viscoelastic.time = 0.03 are one thing",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_by_key(own, method, words):
+    with pytest.raises(SceneError, match=words):
+        scene(block(**own), method=method) if method else scene(block(**own))
