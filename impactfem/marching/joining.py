@@ -69,6 +69,7 @@ class Joining[P: Stepper](Bodies[P]):
         # Sums of the first one held.
         self._first = sum(len(part.inertia()) for part in self.parts[: places[0]])
         self._now, self._led = 0.0, joints.ground.count  # stations that are not held
+        self._leads = self._led > 1 or bool((joints.driven >= 0).any())
         ends = np.cumsum([self._led, *(len(body.freedoms) for body in held)])
         self._at = [slice(*both) for both in pairwise(ends)]  # stations of each
         terms, count, each = joints.terms, joints.count, len(joints.joints)
@@ -170,9 +171,9 @@ class Joining[P: Stepper](Bodies[P]):
             self._middles = moving[4]
             pushes = self._wrenches(self._acting)
             self._drawn = -float((pushes[: self._led, :3] * led).sum())
-            jumps = bool(self._states.stops.any())
+            jumps, noise = bool(self._states.stops.any()), self._rounding / dt
             settled = [
-                body.take(Motion(jumps, *(each[at] for each in (*moving, pushes))))
+                body.take(Motion(jumps, *(each[at] for each in (*moving, pushes)), noise=noise))
                 for body, at in zip(self._held, self._at, strict=True)
             ]
             if all(settled):
@@ -264,8 +265,25 @@ class Joining[P: Stepper](Bodies[P]):
             )
         )  # fmt: skip
 
-    def _project(self) -> None:
-        """Take rates at the end of the layer that the joints allow, the nearest by energy."""
+    def _keep_rates(self) -> None:
+        """Let rates at the end keep to the joints where they jumped, or are led.
+
+        Without it rates of what is led would err by alternate signs from step to step for ever,
+        which accelerations show.
+        """
+        jumped = self._struck or any(body.jumped for body in self._held)
+        if jumped or self._states.stops.any():
+            self._project(share=0.0)
+        elif self._leads:
+            self._project(share=0.5)
+
+    def _project(self, share: float) -> None:
+        """Take rates at the end of the layer that the joints allow, the nearest by energy.
+
+        Args:
+            share: Of what rows were off that counts in the work of what leads them: half of what
+                is but smoothed, none where the rest of the energy is lost.
+        """
         joints, terms = self._joints, self._joints.terms
         holding = np.flatnonzero(joints.hard)
         places, speeds = joints.ground.at(self._end)
@@ -289,7 +307,8 @@ class Joining[P: Stepper](Bodies[P]):
         np.add.at(pushes, terms.bodies, acting[terms.rows, None, None] * weighed)
         for body, own in zip(self._held, self._at, strict=True):
             body.leave(pushes[own])
-        self._drawn += float(acting @ wanted - (pushes[: self._led] * led).sum())
+        led_away = float((pushes[: self._led] * led).sum())
+        self._drawn += float(acting @ (wanted + share * rates)) - led_away
 
     def _show(self, terms: Floats) -> None:
         """Rates of the rows now, and what columns of joints show."""

@@ -89,9 +89,7 @@ class Jointed(Joining[Interior], Composite):
 
     def finish(self, static: Floats) -> list[Sums]:
         """End the layer of all bodies; sums of each."""
-        jumped = any(body.jumped for body in self._held)
-        if self._struck or jumped or self._states.stops.any():
-            self._project()
+        self._keep_rates()
         found = super().finish(static)
         for body in self._held:
             body.finish()

@@ -100,8 +100,7 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
 
     def accept(self) -> None:
         """End the step of all; where limits have turned rates, these keep to the joints."""
-        if self._struck or any(body.jumped for body in self._held) or self._states.stops.any():
-            self._project()
+        self._keep_rates()
         self._struck = False
         super().accept()
         for body in self._held:

@@ -262,19 +262,19 @@ class RigidBodies(Meshless):
 
     def take(
         self, speeds: Floats, spins: Floats, halves: Floats, ends: Floats, middles: Floats,
-        freedoms: Floats,
+        freedoms: Floats, noise: float,
     ) -> bool:  # fmt: skip
         """Take a solution of the layer; whether loads would be the same again.
 
         Velocities and spins at its end, along the axes of the bodies; the others are those of
-        `impactfem.marching.rigid_kernels.turn_all`.
+        `impactfem.marching.rigid_kernels.turn_all`, and the rounding of velocities [m/s].
         """
-        every = np.arange(len(self._mass))
-        return bool(self._take(every, speeds, spins, halves, ends, middles, freedoms).all())
+        each = speeds, spins, halves, ends, middles, freedoms
+        return bool(self._take(np.arange(len(self._mass)), *each, noise=noise).all())
 
     def _take(
         self, chosen: Integers, speeds: Floats, spins: Floats, halves: Floats, ends: Floats,
-        middles: Floats, freedoms: Floats,
+        middles: Floats, freedoms: Floats, noise: float = float(np.finfo(float).tiny),
     ) -> NDArray[np.bool_]:  # fmt: skip
         """The same of some bodies; whether an iterate is the last one but for rounding, of each.
 
@@ -287,7 +287,7 @@ class RigidBodies(Meshless):
             turn = np.abs(spins - self._spin_ahead[chosen]).max(axis=1)
             radius = self._gyration[chosen, 0]
             size = np.maximum(np.abs(speeds).max(axis=1), radius * np.abs(spins).max(axis=1))
-            allowed = _SETTLED * size + np.finfo(float).tiny
+            allowed = _SETTLED * size + noise
             settled = (np.maximum(change, radius * turn) <= allowed) | np.array(free)[chosen]
         self._speed_ahead[chosen], self._spin_ahead[chosen] = speeds, spins
         self._half[chosen], self.end[chosen] = halves, ends

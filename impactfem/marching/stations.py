@@ -22,6 +22,7 @@ class Motion:
         speeds, spins, halves: At its end, (stations, 3).
         ends, middles, freedoms: (stations, 3, 3).
         wrenches: Impulses of forces and moments of the joints, (stations, 6).
+        noise: Rounding of rates by that of places in rows [m/s].
     """
 
     jumps: bool
@@ -32,6 +33,7 @@ class Motion:
     middles: Floats
     freedoms: Floats
     wrenches: Floats
+    noise: float
 
 
 class Counting(Protocol):
@@ -170,7 +172,7 @@ class HeldRigid:
         """Take a solution."""
         return self.part.take(
             motion.speeds, motion.spins, motion.halves, motion.ends, motion.middles,
-            motion.freedoms,
+            motion.freedoms, motion.noise,
         )  # fmt: skip
 
     @property

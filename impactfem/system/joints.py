@@ -30,6 +30,7 @@ from impactfem.system.stations import Asked, HasStations, Stations, couples
 _ALONG = ("moving", "rubbing", "stopping", "driven")
 """Rows along the coordinate of a joint."""
 
+_LED = 1e-3  # of the speed of a ground: a motion that begins smoothly rounds by far less
 _MOVING = 1e-9  # share of the largest speed with which bodies may part in a joint at t = 0
 
 
@@ -234,8 +235,11 @@ class Joints:
         """Row at which its spring is not strained [rad or m]."""
         return (joint.start if joint.rest is None else joint.rest) - self.shift(joint)
 
-    def check_start(self) -> None:
+    def check_start(self, led: float) -> None:
         """Refuse velocities at t = 0 with which bodies part in their joints.
+
+        Args:
+            led: Largest speed of the ground in the run [m/s], by which motions round.
 
         Raises:
             SceneError: naming the joint, and velocities that fit.
@@ -244,7 +248,7 @@ class Joints:
         wanted, terms = self.wanted(0.0)[1], self.terms
         apart = np.where(self.holding, self.rates_now() - wanted, 0.0)
         reach = float(np.abs(terms.arms).max())
-        largest = np.abs(self.speeds).max() + reach * np.abs(whirls).max()
+        largest = np.abs(self.speeds).max() + reach * np.abs(whirls).max() + _LED * led
         turns = terms.rows[np.isin(terms.kinds, (DOT, ANGLE))]
         allowed = np.full(self.count, _MOVING * largest)
         allowed[turns] = _MOVING * (largest / reach if reach else np.abs(whirls).max())
@@ -371,7 +375,7 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
         np.array(rows.owner), np.array(rows.holding), **own,
         start=terms.sums(first, len(rows.owner)),
     )  # fmt: skip
-    found.check_start()
+    found.check_start(ground.fastest(scene.duration))
     return found.without_still()
 
 

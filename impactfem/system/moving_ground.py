@@ -9,6 +9,8 @@ from impactfem.arrays import Floats
 from impactfem.scene.formula import Formula
 from impactfem.scene.jets import motion_at
 
+_SAMPLES = 101
+
 
 @dataclass(frozen=True)
 class MovingGround:
@@ -43,6 +45,12 @@ class MovingGround:
                 jet = motion_at(formula, t)
                 places[k, axis], speeds[k, axis] = jet.value, jet.rate
         return places, speeds
+
+    def fastest(self, duration: float) -> float:
+        """Largest speed of any until some time, of samples [m/s]."""
+        times = np.linspace(0.0, duration, _SAMPLES)
+        each = [np.abs(motion_at(f, times).rate).max() for m in self.motions for f in m]
+        return float(np.max(each, initial=0.0))
 
 
 def drive_at(formulas: Sequence[Formula | None], t: float) -> tuple[Floats, Floats]:
