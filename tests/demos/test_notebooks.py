@@ -1,6 +1,6 @@
 """The notebooks, kept as text: cells are what jupytext reads, and each shows what it ends with.
 
-The quickest is run here and all of them with the slow tests; `.ci/run demos` runs each as a script.
+The quickest is run here, one of a plate with the slow tests; `.ci/run demos` runs each as a script.
 """
 
 import ast
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 TOP = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((TOP / "demos" / "notebooks").glob("*.py"))
-QUICK = "thrown_ball"
+SHOWN = {"thrown_ball": (), "plate_switch": pytest.mark.slow}
 MARK = re.compile(r"^# %%( \[markdown\])?\n", re.MULTILINE)
 
 
@@ -70,8 +70,9 @@ def test_notebooks_are_listed():
 @pytest.mark.parametrize(
     "path",
     [
-        pytest.param(path, marks=[] if path.stem == QUICK else pytest.mark.slow, id=path.stem)
+        pytest.param(path, marks=SHOWN[path.stem], id=path.stem)
         for path in NOTEBOOKS
+        if path.stem in SHOWN
     ],
 )
 def test_a_notebook_shows_cards_and_curves(path, tmp_path):

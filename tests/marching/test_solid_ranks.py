@@ -23,7 +23,6 @@ from pytest_mpi import parallel_assert
 
 import impactfem
 
-RANKS = [2, 3, 4]
 AGREED = 1e-10
 
 
@@ -73,7 +72,7 @@ STABLE = [name for name in METHODS if name != "newmark"]
 FOUR = ("explicit", "conserving")
 
 
-@pytest.mark.parallel([2, 4])
+@pytest.mark.parallel(4)
 @pytest.mark.parametrize("method", FOUR)
 def test_contact_that_moves_over_ranks_agrees(method, monkeypatch):
     check_moving(method, monkeypatch)
@@ -112,20 +111,19 @@ def watched(case, found, monkeypatch):
         return impactfem.solve(case)
 
 
-@pytest.mark.parallel(RANKS)
+@pytest.mark.parallel(2)
 @pytest.mark.parametrize("method", ["explicit", "massless"])
 def test_driven_bodies_agree(method, monkeypatch):
     compare(driven(method), monkeypatch)
 
 
-@pytest.mark.parallel([2, 3])
+@pytest.mark.parallel(2)
 @pytest.mark.parametrize(
     ("made", "method"),
     [
         (driven, "conserving"),
         (rolling, "massless"),
         (rubbing, "conserving"),
-        (rolling, "explicit"),
         (rubbing, "explicit"),
         (pumped, "explicit"),
     ],
@@ -134,23 +132,23 @@ def test_bodies_under_finite_strain_agree(made, method, monkeypatch):
     compare(finite(made, method), monkeypatch)
 
 
-@pytest.mark.parallel(RANKS)
+@pytest.mark.parallel(2)
 def test_a_ring_that_strikes_itself_agrees(monkeypatch):
     compare(folding(duration=0.0104, output={"every": 13}), monkeypatch)
 
 
-@pytest.mark.parallel(RANKS)
+@pytest.mark.parallel(2)
 @pytest.mark.parametrize("settings", [{}, {"linear_solver": "gamg"}], ids=["mumps", "gamg"])
 def test_bodies_that_start_at_rest_agree(settings, monkeypatch):
     compare(resting("conserving", **settings), monkeypatch)
 
 
-@pytest.mark.parallel(RANKS)
+@pytest.mark.parallel(2)
 def test_multigrid_agrees(monkeypatch):
     compare(rolling("massless", linear_solver="gamg"), monkeypatch)
 
 
-@pytest.mark.parallel([2, 4])
+@pytest.mark.parallel(4)
 @pytest.mark.parametrize(
     "settings",
     [
@@ -189,9 +187,7 @@ def folder(tmp_path):
         driven("explicit"),
         driven("conserving"),
         driven("moreau_jean"),
-        driven("massless", linear_solver="gamg"),
         pair("explicit", "updated", 0.4),
-        pair("conserving", "fixed", 0.0),
         finite(rolling, "conserving"),
         finite(rubbing, "explicit"),
     ],
@@ -199,9 +195,7 @@ def folder(tmp_path):
         "explicit",
         "conserving",
         "moreau_jean",
-        "gamg",
         "pair with friction",
-        "pair",
         "finite",
         "finite explicit",
     ],

@@ -118,13 +118,13 @@ def rods(see):
     bodies = [
         {
             "name": name, "kind": "rod", "mass": 0.2, "length": 0.3, "radius": 0.005,
-            "center": see.place(x, 0.2), "inclination": see.angle(angle),
+            "center": see.place(x, 0.1), "inclination": see.angle(angle),
             "velocity": see.velocity(0.0, -1.0), "angular_velocity": see.spin(2.0),
         }
         for name, x, angle in (("a", 0.0, 0.5), ("b", 1.0, -0.3))
     ]  # fmt: skip
     hit = {"restitution": 0.5}
-    return scene(see, bodies, [(("a", "floor"), hit), (("b", "floor"), hit)], 0.12)
+    return scene(see, bodies, [(("a", "floor"), hit), (("b", "floor"), hit)], 0.06)
 
 
 def rubbing(see):
