@@ -256,7 +256,7 @@ def test_two_ranks_do_the_same(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("method", "side"), [("conserving", 1.0), ("massless", -1.0), ("explicit", 1.0)]
+    ("method", "side"), [("conserving", 1.0), ("massless", 1.0), ("explicit", -1.0)]
 )
 def test_a_box_whose_corner_slides_past_a_node_is_not_caught_by_it(method, side):
     """A node that was beside the box is under it in the next step: it is pushed down, not aside.
@@ -275,10 +275,10 @@ def test_a_box_whose_corner_slides_past_a_node_is_not_caught_by_it(method, side)
     }  # fmt: skip
     made = impactfem.Scene.from_dict(
         {
-            "title": "slides past", "duration": 0.03, "gravity": [0.0, -9.81],
+            "title": "slides past", "duration": 0.05, "gravity": [0.0, -9.81],
             "body": [block, box],
             "contact": [{"between": ["s", "b"], "friction_coefficient": 0.3}],
-            "solve": {"method": method, "dt": 1e-4, "estimate": False}, "output": {"fields": []},
+            "solve": {"method": method, "dt": 5e-5, "estimate": False}, "output": {"fields": []},
         }
     )  # fmt: skip
     history = impactfem.solve(made).history
@@ -286,5 +286,5 @@ def test_a_box_whose_corner_slides_past_a_node_is_not_caught_by_it(method, side)
     assert history["contact_force"].values.max() < 2.0 * weight
     kept = history["total_energy"].values - history["friction_work"].values
     assert (kept - kept[0]).max() < 1e-9
-    braked = 0.3 - 0.3 * 9.81 * 0.03
+    braked = 0.3 - 0.3 * 9.81 * 0.05
     assert side * history["b.vx"].values[-1] == pytest.approx(braked, abs=0.01)
