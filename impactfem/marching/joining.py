@@ -173,7 +173,7 @@ class Joining[P: Stepper](Bodies[P]):
             self._drawn = -float((pushes[: self._led, :3] * led).sum())
             jumps, noise = bool(self._states.stops.any()), self._rounding / dt
             settled = [
-                body.take(Motion(jumps, *(each[at] for each in (*moving, pushes)), noise=noise))
+                body.take(Motion(jumps, noise, *(each[at] for each in (*moving, pushes))))
                 for body, at in zip(self._held, self._at, strict=True)
             ]
             if all(settled):

@@ -19,13 +19,14 @@ class Motion:
 
     Attributes:
         jumps: Whether limits turn rates.
+        noise: Rounding of rates by that of places in rows [m/s].
         speeds, spins, halves: At its end, (stations, 3).
         ends, middles, freedoms: (stations, 3, 3).
         wrenches: Impulses of forces and moments of the joints, (stations, 6).
-        noise: Rounding of rates by that of places in rows [m/s].
     """
 
     jumps: bool
+    noise: float
     speeds: Floats
     spins: Floats
     halves: Floats
@@ -33,7 +34,6 @@ class Motion:
     middles: Floats
     freedoms: Floats
     wrenches: Floats
-    noise: float
 
 
 class Counting(Protocol):
