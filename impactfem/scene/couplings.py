@@ -121,7 +121,7 @@ class SpringElement:
     def _check_points(self, points: Sequence[Sequence[float]]) -> None:
         if len(points) != 2 or len(points[0]) != len(points[1]):
             raise self._fail("points", " are not two places of as many numbers: give these.")
-        if points[0] == points[1] and (self.along or self.between[0] == self.between[1]):
+        if points[0] == points[1] and (self.is_a_line or self.between[0] == self.between[1]):
             text = " are one place, where a spring has no direction: give two, or point instead, "
             raise self._fail("points", text + "for a spring along x, y and z.")
 
@@ -133,7 +133,7 @@ class SpringElement:
         """
         given = {"point": self.point} if self.point is not None else {}
         given |= {f"points[{k}]": place for k, place in enumerate(self.points or ())}
-        several = {} if self.along else {"rest": self.rest}
+        several = {} if self.is_a_line else {"rest": self.rest}
         each = {"stiffness": self.stiffness, "damping": self.damping} | several
         given |= {n: v for n, v in each.items() if v is not None and (n == "rest" or len(v) > 1)}
         for name, value in given.items():
@@ -142,12 +142,12 @@ class SpringElement:
                 raise KeyedError(where, name, f"{text}coordinates: give {dim}.")
 
     @property
-    def placed(self) -> bool:
+    def has_places(self) -> bool:
         """Whether it says where it acts."""
         return self.point is not None or self.points is not None
 
     @property
-    def along(self) -> bool:
+    def is_a_line(self) -> bool:
         """Whether it acts along the line between its two points."""
         each = self.stiffness, self.damping, self.rest or (0.0,)
         return self.points is not None and all(len(value) == 1 for value in each)
@@ -156,9 +156,9 @@ class SpringElement:
         """It as rows: one along its line, or one for each direction in which it acts."""
         common: dict[str, Any] = {"between": self.between, "point": self.point}
         common |= {"points": self.points, "radius": None}
-        if not self.placed:
+        if not self.has_places:
             common["radius"] = WHOLE
-        if self.along:
+        if self.is_a_line:
             rest = None if self.rest is None else self.rest[0]
             return (
                 SpringLine(

@@ -73,11 +73,11 @@ def check_couplings(scene: Content) -> None:
         spring.check_in(where, scene.dim)
         for row in spring.rows(scene.dim)[:1]:
             _check_in_steps(scene, where, row)
-            if spring.placed:
+            if spring.has_places:
                 _check_places(scene, where, row)
         for name in spring.between:
             body, part = side_of(name)
-            if not (spring.placed or part or name == GROUND or bodies[body].has_centre):
+            if not (spring.has_places or part or name == GROUND or bodies[body].has_centre):
                 text = f" is missing: {name} is a {bodies[body].kind}; give the place on it."
                 raise KeyedError(where, "point", text)
 
