@@ -8,7 +8,7 @@ import pytest
 from trouble_process import started
 
 SCRIPT = Path(__file__).with_name("mutated_scenes.py")
-SCENES = 12
+SCENES = 16
 
 
 @pytest.mark.slow
