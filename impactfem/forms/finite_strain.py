@@ -191,6 +191,7 @@ class FiniteForms:
         local: lambda at points [Pa], of bodies only some cells of which keep their volume in the
             mean; None: that of small strains, or what `pressing` leaves of it.
         linear: As of `Moduli`.
+        damped: Share of the viscosity, of bodies of several materials.
         pressing: Of nearly incompressible bodies, whose lambda' is asked of the mean of J in each
             cell: the pressure p there [Pa], by which S gains p dJ/dE; else None. See
             `impactfem.system.mean_dilatation`.
@@ -203,6 +204,7 @@ class FiniteForms:
     pressing: Any = None
     local: Any = None
     linear: Any = 0.0
+    damped: Any = 1.0
 
     def energy(self, displacement: Any) -> Any:
         """Functional W [J], without what means of cells have of it."""
@@ -220,7 +222,7 @@ class FiniteForms:
         retarded = moduli.first_lame * ufl.tr(change) * ufl.Identity(_size(change))
         retarded += 2.0 * moduli.shear_modulus * change
         stress = self.law.stress(self._strain(before), self._strain(after), change, moduli)
-        stress += self.viscosity * retarded
+        stress += self.viscosity * self.damped * retarded
         density = ufl.inner(mean * stress, self._gradient(v))
         if self.pressing is not None:
             density += self.pressing * self.swept(before, after, v)

@@ -151,7 +151,8 @@ def _finer(scene: Scene, word: str) -> str:
 
 def _takes_energy(body: Any) -> bool:
     """Whether a body takes energy itself."""
-    rates = (getattr(body, "rayleigh_mass", 0.0), getattr(body, "rayleigh_stiffness", 0.0))
+    names = "rayleigh_mass", "rayleigh_stiffness", "retardation"
+    rates = (getattr(body, name, 0.0) for name in names)
     springs = (spring.damping for spring in getattr(body, "springs", ()))
     return any(
         (*rates, *getattr(body, "relaxing", ()), *getattr(body, "rayleigh_damping", ()), *springs)

@@ -78,8 +78,8 @@ def _check_explicit(scene: Content) -> None:
                 text += " where a moment that resists would turn round what it should stop: "
                 raise KeyedError(f"contact[{place}]", law, f"{text}{remedy}")
     for place, solid in enumerate(scene.solids):
-        if solid.rayleigh_stiffness:
-            text = f" = {solid.rayleigh_stiffness}: explicit steps under finite strain are damped "
+        if solid.retardation:
+            text = f" = {solid.retardation}: explicit steps under finite strain are damped "
             raise KeyedError(
                 f"body[{place}]", "rayleigh_stiffness", f"{text}by mass only: {remedy}"
             )

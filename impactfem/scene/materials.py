@@ -5,9 +5,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from impactfem.scene.boundary import SPACE
-from impactfem.scene.given import FormulaLike, Given
+from impactfem.scene.given import FormulaLike, Given, MaybeTable
+from impactfem.scene.inline import InlineTable
 from impactfem.scene.kinds import Choice, Real, RealOrFormula
 from impactfem.scene.schema import KeyedError, key, keys_of, table
+from impactfem.scene.viscoelastic import VISCOELASTIC, KelvinVoigt, Maxwell
 
 if TYPE_CHECKING:
     from impactfem.scene.solids import Solid
@@ -50,6 +52,12 @@ class Material:
         Real(above=0), "bulk modulus at small strains, with c10 and c01", unit="Pa", default=None,
         absent=_OF_BODY,
     )  # fmt: skip
+    viscoelastic: MaybeTable[KelvinVoigt | Maxwell] = key(
+        InlineTable(tuple(VISCOELASTIC)),
+        'how it creeps, by "kelvin_voigt"; unlike in each group: under finite strain',
+        default=None,
+        absent=_OF_BODY,
+    )
 
 
 def solids_of(solid: "Solid") -> Mapping[str, "Solid"]:
@@ -66,6 +74,8 @@ def solids_of(solid: "Solid") -> Mapping[str, "Solid"]:
         # Constants of the body that belong to another law are not meant for this one.
         mooney = own.get("material", solid.material) == "mooney_rivlin"
         left: dict[str, Any] = dict.fromkeys(_ELASTIC if mooney else _MOONEY)
+        if material.viscoelastic is not None:
+            left["rayleigh_stiffness"] = 0.0  # that of the body is not meant either
         try:
             found[name] = replace(solid, materials={}, strain=strain, **(left | own))
         except KeyedError as error:

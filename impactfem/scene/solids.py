@@ -374,6 +374,12 @@ class Solid(BodyKind):
         return tuple((term.modulus / self.youngs_modulus, term.time) for term in law.terms)
 
     @property
+    def retardation(self) -> float:
+        """Time by which the stiffness damps [s], the longest of its materials."""
+        each = (self.of_groups or {"": self}).values()
+        return max(solid.rayleigh_stiffness for solid in each)
+
+    @property
     def _at_once(self) -> float:
         """Elasticity at once over that which is left after long."""
         return 1.0 + sum(share for share, _ in self.relaxing)

@@ -72,6 +72,7 @@ def check_viscoelastic(solid: "Solid") -> None:
     Raises:
         KeyedError: naming the key.
     """
+    _check_groups(solid)
     law = solid.viscoelastic
     if law is None:
         return
@@ -90,3 +91,24 @@ def check_viscoelastic(solid: "Solid") -> None:
         text = ".terms have moduli beside one youngs_modulus, and that of the body is "
         what = "given by materials" if solid.materials else show(str(solid.youngs_modulus))
         raise KeyedError(solid.kind, "viscoelastic", f"{text}{what}: give one number.")
+
+
+def _check_groups(solid: "Solid") -> None:
+    """Refuse terms of single groups, and times of groups that steps do not take.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    for name, material in solid.materials.items():
+        if isinstance(material.viscoelastic, Maxwell):
+            text = ' = { kind = "maxwell" } scales the elasticity of a whole body: give the group '
+            text += 'kind = "kelvin_voigt", or make it a body with a mesh file of its own.'
+            raise KeyedError(solid.kind, f"materials.{name}.viscoelastic", text)
+    given = [name for name, each in solid.materials.items() if each.viscoelastic is not None]
+    if given and not solid.is_finite:
+        times = {each.rayleigh_stiffness for each in solid.of_groups.values()}
+        if len(times) > 1:
+            text = f" makes times of retardation of {', '.join(f'{t:g}' for t in sorted(times))} s "
+            text += "in one body, and linear steps of small strain take one: give all groups the "
+            text += 'same, or strain = "finite".'
+            raise KeyedError(solid.kind, f"materials.{given[0]}.viscoelastic", text)

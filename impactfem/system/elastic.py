@@ -258,7 +258,7 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
         displacement=displacement,
         velocity=velocity,
         rayleigh_mass=solid.rayleigh_mass,
-        rayleigh_stiffness=solid.rayleigh_stiffness,
+        rayleigh_stiffness=solid.retardation,
         relaxation=Relaxation.of(solid.relaxing),
         fields=NodalFields(nodes, forms, partial(shown, nodes, forms, solid)),
         axisymmetric=axisymmetric,

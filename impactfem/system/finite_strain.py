@@ -35,7 +35,8 @@ def finite_forms(
     linear = made(np.where(material.linear, 1.0, 0.0)) if len(laws) > 1 else 0.0
     law = EitherLaw if len(laws) > 1 else laws.pop()
     local = made(material.local) if solid.keeps_volume else None
-    return FiniteForms(forms, law, made(material.c01), viscosity, pressing, local, linear)
+    damped = made(material.damped)
+    return FiniteForms(forms, law, made(material.c01), viscosity, pressing, local, linear, damped)
 
 
 def mean_dilatation(
@@ -46,7 +47,8 @@ def mean_dilatation(
         return None
     topology = nodes.space.mesh.topology
     owned = topology.index_map(topology.dim).size_local
-    return MeanDilatation(forms, before, after, materials_of(nodes, solid).bulk[:owned])
+    own = materials_of(nodes, solid).at(slice(owned))
+    return MeanDilatation(forms, before, after, own.bulk, own.damped)
 
 
 def shown(nodes: Nodes, elastic: ElasticForms, solid: Any, displacement: Any) -> tuple[Any, Any]:

@@ -33,6 +33,7 @@ class CellMaterials:
         c01: Of Mooney's and Rivlin's law [Pa].
         linear: Whether the law is linear.
         keeps: Whether the volume is kept in the mean of the cell only.
+        damped: Time of retardation as a share of the longest of the body.
     """
 
     density: Floats
@@ -41,6 +42,7 @@ class CellMaterials:
     c01: Floats
     linear: Booleans
     keeps: Booleans
+    damped: Floats
 
     @property
     def shear(self) -> Floats:
@@ -80,12 +82,13 @@ def materials_of(nodes: Nodes, solid: Any) -> CellMaterials:
     if solid.is_uniform:
         values = (
             solid.density, solid.youngs_modulus, solid.poisson_ratio, solid.c01 or 0.0,
-            solid.material == "linear", solid.keeps_volume,
+            solid.material == "linear", solid.keeps_volume, 1.0,
         )  # fmt: skip
         return CellMaterials(*(np.broadcast_to(value, count) for value in values))
     means = _Means(nodes)
     groups = nodes.groups if solid.materials else {"": np.arange(count, dtype=np.int32)}
     found = [np.zeros(count) for _ in range(4)] + [np.zeros(count, dtype=bool) for _ in range(2)]
+    damped, longest = np.ones(count), solid.retardation
     error = None
     for name, own in groups.items():
         one = solid.of_groups[name] if solid.materials else solid
@@ -99,7 +102,9 @@ def materials_of(nodes: Nodes, solid: Any) -> CellMaterials:
         constants = one.poisson_ratio, one.c01 or 0.0, one.material == "linear", one.keeps_volume
         for column, value in zip(found, (*numbers, *constants), strict=True):
             column[own] = value
+        damped[own] = one.rayleigh_stiffness / longest if longest else 1.0
     fem.raise_together(nodes.comm, error)
+    found.append(damped)
     return CellMaterials(*found)
 
 
@@ -200,6 +205,8 @@ def stand_ins(nodes: Nodes, solid: Any) -> StandIns:
         law = "linear" if linear else "neo_hookean"
         return replace(
             solid, materials={}, density=density, youngs_modulus=modulus, poisson_ratio=ratio,
+            rayleigh_stiffness=solid.retardation,
+            viscoelastic=solid.viscoelastic if solid.relaxing else None,
             material=law, c10=None, c01=None, bulk_modulus=None,
             strain="finite" if solid.is_finite else "small",
         )  # fmt: skip

@@ -47,7 +47,9 @@ class _Linearised:
 class MeanDilatation:
     """The pressures of a step between two displacements."""
 
-    def __init__(self, forms: FiniteForms, before: Any, after: Any, bulk: Floats) -> None:
+    def __init__(
+        self, forms: FiniteForms, before: Any, after: Any, bulk: Floats, damped: Floats
+    ) -> None:
         """Compile the forms (collective).
 
         Args:
@@ -55,9 +57,10 @@ class MeanDilatation:
             before: Displacement at the start of the step.
             after: At its end.
             bulk: K of the owned cells [Pa].
+            damped: Shares of the viscosity that they have.
         """
         self._pressing, self._bulk, self._ends = forms.pressing, bulk, (before, after)
-        self._viscosity = forms.viscosity
+        self._viscosity, self._damped = forms.viscosity, damped
         self._last: _Linearised | None = None
         q = ufl.TestFunction(forms.pressing.function_space)
         start, end = (forms.elastic.measured(q * forms.dilatation(u)) for u in (before, after))
@@ -136,7 +139,7 @@ class MeanDilatation:
     @property
     def _retarding(self) -> Floats:
         """Pressure by a change of theta of viscous bodies [Pa]."""
-        return self._bulk * float(getattr(self._viscosity, "value", self._viscosity))
+        return self._bulk * self._damped * float(getattr(self._viscosity, "value", self._viscosity))
 
     def _excess(self, form: Any) -> Floats:
         """Theta - 1 of the owned cells."""

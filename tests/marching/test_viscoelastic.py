@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 import impactfem
 from impactfem import Scene, SceneError
 from impactfem.models.solids import solids_model
+from impactfem.system.finite_strain import FiniteStrain
 from impactfem.system.small_strain import SmallStrain
 
 SPEED, RATE = 1e-3, 2.0 * np.pi
@@ -217,3 +218,61 @@ def test_ranks_agree():
 def test_what_cannot_be_is_refused_by_key(own, method, words):
     with pytest.raises(SceneError, match=words):
         scene(block(**own), method=method) if method else scene(block(**own))
+
+
+def layers(folder, **own):
+    """Two unit squares side by side in one file, of a group each."""
+    (folder / "layers.geo").write_text(LAYERS)
+    materials = {"near": {"viscoelastic": RETARDED}, "far": {}}
+    shown = {"mesh": str(folder / "layers.geo"), "materials": materials, "viscoelastic": None}
+    given = block(strain="finite", contact_surfaces=None) | shown | own
+    return {k: v for k, v in given.items() if k not in {"shape", "mesh_size", "cells"}}
+
+
+LAYERS = """
+Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {2, 0, 0};
+Point(4) = {0, 1, 0}; Point(5) = {1, 1, 0}; Point(6) = {2, 1, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 6}; Line(4) = {6, 5};
+Line(5) = {5, 4}; Line(6) = {4, 1}; Line(7) = {2, 5};
+Curve Loop(1) = {1, 7, 5, 6}; Plane Surface(1) = {1};
+Curve Loop(2) = {2, 3, 4, -7}; Plane Surface(2) = {2};
+Transfinite Curve {1:7} = 3; Transfinite Surface {1, 2}; Recombine Surface {1, 2};
+Physical Surface("near") = {1}; Physical Surface("far") = {2};
+"""
+
+
+@pytest.mark.parallel(1)
+@pytest.mark.parametrize("ratio", [0.0, 0.48])
+def test_each_group_is_damped_by_its_own_time(tmp_path, ratio):
+    """Work of a step beyond the energy is that of the dashpots of one group alone."""
+    own = {"material": "neo_hookean", "poisson_ratio": ratio, "degree": 2}
+    part = solids_model(scene(layers(tmp_path, **own), obstacle=()), (2,)).parts[0]
+    system, step = part.system, 0.1
+    assert system.rayleigh_stiffness == RETARDED["time"]
+    strain = FiniteStrain(system.nodes, part.solid, system.following)
+    strain.retard(system.rayleigh_stiffness, step)
+    x = system.positions
+    for side, share in ((x[:, 0] <= 1.0, 1.0), (x[:, 0] >= 1.0, 0.0)):
+        # Only one group is strained, so little that strains are linear.
+        bubble = 1e-6 * np.where(side, (x[:, 0] - 1.0) ** 2 * (x[:, 1] + 1.0), 0.0)
+        place = np.stack([bubble, 0.0 * bubble], axis=1).ravel()
+        still = np.zeros_like(place)
+        taken = float(strain.force(still, place) @ place) - strain.energy(place)
+        known = 2.0 * strain.energy(place) * RETARDED["time"] / step * share
+        assert taken == pytest.approx(known, rel=1e-4, abs=1e-6 * strain.energy(place))
+
+
+@pytest.mark.parallel(1)
+@pytest.mark.parametrize(
+    ("own", "words"),
+    [
+        ({"strain": "small"}, "materials.near.viscoelastic makes times of retardation of 0, 0.03"),
+        (
+            {"materials": {"near": {"viscoelastic": RELAXING}, "far": {}}},
+            'materials.near.viscoelastic = .*maxwell.*"kelvin_voigt"',
+        ),
+    ],
+)
+def test_groups_that_steps_do_not_take_are_refused(tmp_path, own, words):
+    with pytest.raises(SceneError, match=words):
+        scene(layers(tmp_path, **own))
