@@ -22,8 +22,12 @@ if TYPE_CHECKING:
 SLENDER = 10.0
 """Length over thickness from which a block bends, as a beam does."""
 
-_WALLS = {2: SLENDER + 1.0, 3: SLENDER + 2.0}
-"""Sizes by 2 V / A of a plane strip and a plate of that length over thickness."""
+BENDING = 4.0
+"""Length over thickness from which a wall bends as much as it shears."""
+
+_ACROSS = 3.0  # linear elements across a wall from which they follow its bending
+_ENDS = {2: 1.0, 3: 2.0}
+"""What a plane strip and a plate have more of size by 2 V / A than of length over thickness."""
 
 _RINGING = 5.0  # p waves over s waves from which the noise of the mesh shows in the force
 
@@ -113,23 +117,30 @@ def stiff_elements(solid: Solid) -> str:
     return ""
 
 
-def thin_walls(parts: Iterable["SolidPart"]) -> dict[str, str]:
+def thin_walls(filed: Iterable[tuple["SolidPart", float]]) -> dict[str, str]:
     """Why linear elements are too stiff for bodies from mesh files: thin ones bend (collective).
 
     The thickness of a wall is 2 V / A, with its area A on both sides; of a square bar in space
     half of its own.
+
+    Args:
+        filed: These bodies, meshed, with the mean length of their elements' shortest edges [m].
     """
     found = {}
-    for part in parts:
+    for part, edge in filed:
         outside = part.outside
-        if part.solid.shape is not None or not len(outside.faces):
+        if not len(outside.faces):
             continue
         wall = 2.0 * part.mesh.volume / outside.area
         size = float(np.ptp(outside.points, axis=0).max())
-        if size >= _WALLS[part.solid.dim] * wall:
+        length = size / wall - _ENDS[part.solid.dim]
+        few = wall < _ACROSS * edge
+        if length >= SLENDER or (few and length >= BENDING):
             found[part.solid.name] = (
                 f"the walls of the mesh are {wall:.3g} m thick in the mean, {size / wall:.3g} "
-                "times less than it is large: it bends, linear elements lock"
+                "times less than it is large"
+                + f", with {wall / edge:.2g} elements across" * few
+                + ": it bends, linear elements lock"
             )
     return found
 

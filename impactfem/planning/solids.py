@@ -208,7 +208,8 @@ def _meshed(
 
     degrees = choose_degrees(scene, reasons, findings, {})
     model = made(degrees)
-    if walls := thin_walls(model.parts):
+    filed = [part for part in model.parts if part.solid.shape is None]
+    if walls := thin_walls((part, _edges(part)[1]) for part in filed):
         findings.clear()
         others = choose_degrees(scene, reasons, findings, walls)
         model = model if others == degrees else made(others)
@@ -224,17 +225,11 @@ def _of_one_material(scene: Scene, model: "SolidsModel") -> Scene:
     return replace(scene, bodies=tuple(others.get(body.name, body) for body in scene.bodies))
 
 
-def measured(part: "SolidPart") -> tuple[Size, tuple[float, ...]]:
-    """Size of a discretised body and the edges of the box around it [m] (collective).
-
-    The box is turned as the shape is.
-
-    Raises:
-        SceneError: Elements shall be larger than the body.
-    """
+def _edges(part: "SolidPart") -> tuple[float, float]:
+    """Shortest edge of the elements, and mean of the shortest of each [m] (collective)."""
     from impactfem.fem import MPI, cell_nodes  # noqa: PLC0415
 
-    solid, body_mesh = part.solid, part.mesh
+    body_mesh = part.mesh
     mesh, dim = body_mesh.mesh, body_mesh.gdim
     corners = {"triangle": 3, "tetrahedron": 4, "quadrilateral": 4, "hexahedron": 8}[body_mesh.cell]
     points = mesh.geometry.x[:, :dim]
@@ -244,7 +239,24 @@ def measured(part: "SolidPart") -> tuple[Size, tuple[float, ...]]:
     lengths = np.linalg.norm(points[cells[:, first]] - points[cells[:, second]], axis=2)
     least = mesh.comm.allreduce(lengths.min(initial=np.inf), op=MPI.MIN)
     total = mesh.comm.allreduce(lengths.min(axis=1).sum() if len(cells) else 0.0)
-    mean = total / body_mesh.num_cells
+    # Rounded, since sums depend on the number of ranks and the time step follows from the size.
+    return float(least), float(f"{total / body_mesh.num_cells:.6g}")
+
+
+def measured(part: "SolidPart") -> tuple[Size, tuple[float, ...]]:
+    """Size of a discretised body and the edges of the box around it [m] (collective).
+
+    The box is turned as the shape is.
+
+    Raises:
+        SceneError: Elements shall be larger than the body.
+    """
+    from impactfem.fem import MPI  # noqa: PLC0415
+
+    solid, body_mesh = part.solid, part.mesh
+    mesh, dim = body_mesh.mesh, body_mesh.gdim
+    points = mesh.geometry.x[:, :dim]
+    least, mean = _edges(part)
     if solid.shape is not None and solid.shape.angle:
         c, s = np.cos(solid.shape.angle), np.sin(solid.shape.angle)
         turned = np.eye(dim)
@@ -260,8 +272,7 @@ def measured(part: "SolidPart") -> tuple[Size, tuple[float, ...]]:
             f"{largest:.6g} of the mesh; give a smaller one in m"
         )
     kind = "simplex" if body_mesh.cell in {"triangle", "tetrahedron"} else "hexahedron"
-    # Rounded, since sums depend on the number of ranks and the time step follows from the size.
-    mesh_size = solid.mesh_size or float(f"{mean:.6g}")
-    least = part.foreseen.least or float(least)
+    mesh_size = solid.mesh_size or mean
+    least = part.foreseen.least or least
     size = Size(body_mesh.num_nodes, dim, part.degree, kind, mesh_size, least)
     return size, tuple((high - low).tolist())

@@ -62,17 +62,19 @@ def test_slenderness_of_a_ring_is_that_of_its_wall():
 
 
 @pytest.mark.parametrize(
-    ("drawn", "dim", "degree"),
+    ("drawn", "dim", "size", "degree"),
     [
-        (FRAME, 2, 2),
-        ("Rectangle(1) = {0, 1, 0, 3, 2};", 2, 1),
-        ("Box(1) = {0, 1, 0, 2, 1, 0.1};", 3, 2),
-        ("Box(1) = {0, 1, 0, 2, 1, 0.5};", 3, 1),
+        (FRAME, 2, 0.2, 2),
+        ("Rectangle(1) = {0, 1, 0, 3, 2};", 2, 0.2, 1),
+        ("Rectangle(1) = {0, 1, 0, 3, 0.5};", 2, 0.2, 2),  # two elements across
+        ("Rectangle(1) = {0, 1, 0, 3, 0.5};", 2, 0.1, 1),  # five
+        ("Box(1) = {0, 1, 0, 2, 1, 0.1};", 3, 0.2, 2),
+        ("Box(1) = {0, 1, 0, 2, 1, 1};", 3, 0.2, 1),
     ],
 )  # fmt: skip
-def test_thin_walls_of_a_mesh_file_get_quadratic_elements(tmp_path, drawn, dim, degree):
+def test_thin_walls_of_a_mesh_file_get_quadratic_elements(tmp_path, drawn, dim, size, degree):
     (tmp_path / "body.geo").write_text(f'SetFactory("OpenCASCADE");\n{drawn}\n')
-    keys = {"shape": None, "mesh": str(tmp_path / "body.geo"), "mesh_size": 0.2}
+    keys = {"shape": None, "mesh": str(tmp_path / "body.geo"), "mesh_size": size}
     if dim == 3:
         keys |= {"obstacles": (FLOOR_3D,), "model": "3d", "velocity": [0.0, -1.0, 0.0]}
     plan = impactfem.plan(solid_scene(**keys))
