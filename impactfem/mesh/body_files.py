@@ -1,4 +1,4 @@
-"""Meshes of bodies from a user's .msh, .geo or STEP file, with their faults reported."""
+"""Meshes of bodies from a user's file, with their faults reported."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -24,9 +24,9 @@ from impactfem.mesh.raw import (
 from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.sizes import ball_field, options
 from impactfem.reading.holdings import Holdings
-from impactfem.reading.opening import Job, opened
+from impactfem.reading.opening import MESHIO, Job, opened
 
-_ENDINGS = (".geo", ".msh", ".step", ".stp")
+_ENDINGS = (".geo", ".msh", ".step", ".stp", *MESHIO)
 _MILLIMETRE = 1e-3  # in m: OpenCASCADE's tolerances are made for lengths in mm
 # Gmsh's number of an element: kind and degree.
 _KINDS: Mapping[int, tuple[Cell, int]] = {
@@ -48,7 +48,7 @@ def read_body(
     have their labels as names, or `face_1`, `face_2` and so on as Gmsh numbers them.
 
     Args:
-        path: ``.msh``, ``.geo`` (runs no commands beyond geometry) or ``.step``.
+        path: ``.msh``, ``.geo`` (runs no commands beyond geometry), ``.step``, or one of meshio.
         model: Model of the body; "3d" needs volumes, the others a plane mesh.
         degree: Degree of the geometry.
         mesh_size: Length of the edges [m] of geometry to be meshed; None leaves it to the script.
@@ -96,7 +96,7 @@ def refined(comm: Any, path: Path, dim: int) -> Iterator[str]:
 
     Args:
         comm: MPI communicator; rank 0 makes it.
-        path: ``.geo`` or ``.msh``.
+        path: ``.geo``, ``.msh`` or one of meshio.
         dim: Dimension of the elements.
 
     Yields:

@@ -13,6 +13,7 @@ from impactfem.planning.solid_costs import (
     Size,
 )
 from impactfem.scene import Scene
+from impactfem.scene.mesh_files import MESHES
 from impactfem.scene.shapes import Block, Cylinder, Ring
 from impactfem.scene.solids import Solid
 
@@ -147,7 +148,7 @@ def thin_walls(filed: Iterable[tuple["SolidPart", float]]) -> dict[str, str]:
 
 def curved_file(scene: Scene, solid: Solid) -> str:
     """Why the mesh file of a body asks for elements of degree 2, or nothing (collective)."""
-    if solid.mesh is None or not solid.mesh.lower().endswith(".msh"):
+    if solid.mesh is None or not solid.mesh.lower().endswith(MESHES):
         return ""
     from impactfem.fem import MPI, on_root  # noqa: PLC0415  (loads DOLFINx)
     from impactfem.reading.opening import look  # noqa: PLC0415

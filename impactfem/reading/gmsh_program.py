@@ -1,7 +1,12 @@
 """What Gmsh does with a file in a process of its own."""
 
+import inspect
+
+from impactfem.reading import meshio_mesh
+
 # What only Gmsh knows is done here; the rest happens outside, where it can be tested.
-PROGRAM = """
+PROGRAM = inspect.getsource(meshio_mesh)
+PROGRAM += """
 import json
 
 source, target, job = sys.argv[4:]
@@ -72,7 +77,7 @@ def holdings():
         name = name.split()[0].lower()
         elements[name] = elements.get(name, 0) + len(mesh.getElementsByType(kind)[0])
         order = max(order, degree)
-        if source.endswith(".msh"):  # others are meshed here, with nodes on the geometry
+        if not meshed:  # others have nodes on the geometry
             bent = max(bent, off_straight(kind))
     for side, tag in gmsh.model.getPhysicalGroups():
         entities = [int(entity) for entity in gmsh.model.getEntitiesForPhysicalGroup(side, tag)]
@@ -99,11 +104,15 @@ def arrays():
 
 try:
     with bounded():
-        gmsh.open(source)
+        if job["meshio"]:
+            load(source, job["meshio"], gmsh)
+        else:
+            gmsh.open(source)
     step = source.endswith((".step", ".stp"))
+    meshed = step or source.endswith(".geo")
     if step:
         label()
-    if step or source.endswith(".geo"):
+    if meshed:
         box = gmsh.model.getBoundingBox(-1, -1)
         extent = max(b - a for a, b in zip(box[:3], box[3:]))
         along = [(extent, job["size"] or extent)]

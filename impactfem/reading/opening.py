@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,17 @@ from impactfem.reading.regular import MAX_BYTES, read_regular, reason
 MAX_SCRIPT_BYTES = 16 * 2**20
 """Largest script (.geo) that is read: Gmsh takes minutes for more."""
 
+MESHIO: Mapping[str, str] = MappingProxyType({
+    ".vtk": "vtk", ".vtu": "vtu", ".xdmf": "xdmf", ".xmf": "xdmf", ".inp": "abaqus",
+    ".med": "med", ".e": "exodus", ".exo": "exodus", ".ex2": "exodus", ".mesh": "medit",
+    ".meshb": "medit", ".bdf": "nastran", ".fem": "nastran", ".nas": "nastran", ".cgns": "cgns",
+    ".h5m": "h5m", ".avs": "avsucd", ".xml": "dolfin-xml", ".hmf": "hmf", ".vol": "netgen",
+    ".obj": "obj", ".off": "off", ".ply": "ply", ".post": "permas", ".dato": "permas",
+    ".su2": "su2", ".dat": "tecplot", ".tec": "tecplot", ".f3grid": "flac3d", ".mdpa": "mdpa",
+    ".ugrid": "ugrid", ".wkt": "wkt", ".ele": "tetgen", ".node": "tetgen",
+})  # fmt: skip
+"""Endings of the meshes that meshio reads, and its words for their formats."""
+
 _MOST_ALONG = 1e5  # elements along a body's largest extent; their square would fill any memory
 
 # Gmsh's script language can start programs, read and write files: a mesh needs none of it.
@@ -34,6 +46,11 @@ _FORBIDDEN = re.compile(
 # Which nodes are copies of which: nothing here asks for it, and Gmsh rewrites old sections so that
 # it cannot read them again.
 _PERIODIC = re.compile(rb"\n\$Periodic\s.*?\n\$EndPeriodic[^\n]*", re.DOTALL)
+# Other files that those of meshio may name: a mesh is one file, but for the arrays of XDMF beside.
+_INCLUDED = re.compile(rb"^\s*\*\s*include\b[^\n]*", re.IGNORECASE | re.MULTILINE)
+_ITEM = re.compile(rb"<DataItem\b([^>]*)>([^<]*)<", re.IGNORECASE)
+_IN_FILE = re.compile(rb"Format\s*=\s*[\"'](?!XML[\"'])", re.IGNORECASE)
+_HALVES = {".ele": ".node", ".node": ".ele"}  # of TetGen's meshes
 # Gmsh's strings know no escapes and may span lines; what looks like a comment in one is none.
 _TOKEN = re.compile(rb"\"[^\"]*\"|'[^']*'|//[^\n]*|/\*.*?\*/", re.DOTALL)
 
@@ -94,7 +111,8 @@ def opened(path: Path, job: Job = SPACE_TIME) -> Iterator[Opened]:
     """Check a file and give it as a temporary ``.msh`` that Gmsh wrote itself.
 
     Args:
-        path: A ``.geo``, ``.msh``, ``.step`` or ``.stp`` file, as far as the job allows.
+        path: A ``.geo``, ``.msh``, ``.step`` or ``.stp`` file, or one of `MESHIO`, as far as the
+            job allows.
         job: What is done with it. Lengths of STEP files come in millimetres.
 
     Raises:
@@ -102,9 +120,11 @@ def opened(path: Path, job: Job = SPACE_TIME) -> Iterator[Opened]:
     """
     content = _content(path, job)
     with tempfile.TemporaryDirectory(prefix="impactfem-") as folder:
-        source = Path(folder, f"source{path.suffix.lower()}")
+        source = Path(folder, f"source{_suffix(path)}")
         target = Path(folder, "mesh.npz" if job.arrays else "mesh.msh")
         source.write_bytes(content)
+        for name, beside in _beside(path, content).items():
+            Path(folder, name).write_bytes(beside)
         _convert(path, source, target, job)
         holdings = Holdings.of(json.loads(Path(f"{target}.json").read_text(encoding="utf-8")))
         _check_told_apart(path, content, holdings)
@@ -119,7 +139,7 @@ def look(path: Path, dim: int = 2, key: str = "solve.mesh") -> Holdings:
     """What a mesh or a script holds; that of the last files looked at is kept.
 
     Args:
-        path: A ``.geo`` or ``.msh`` file.
+        path: A ``.geo`` or ``.msh`` file, or of a body one of meshio.
         dim: Dimension of the elements.
         key: Key of the scene that names the file.
 
@@ -137,7 +157,8 @@ def look(path: Path, dim: int = 2, key: str = "solve.mesh") -> Holdings:
 def _look(path: Path, dim: int, key: str, _changed: int, _size: int) -> Holdings:
     job = Job(key=key, dim=dim)
     if key != SPACE_TIME.key:
-        job = replace(job, surfaces="elements of the body")
+        endings = (*job.endings, *MESHIO)
+        job = replace(job, surfaces="elements of the body", endings=endings)
     with opened(path, job) as found:
         return found.holdings
 
@@ -175,6 +196,8 @@ def _content(path: Path, job: Job) -> bytes:
                 f"mesh file {path}: does not begin with ISO-10303-21; export it as STEP again"
             )
         return content
+    if suffix in MESHIO:
+        return content
     command = _FORBIDDEN.search(_TOKEN.sub(_without_comment, content))
     if command:
         raise MeshError(
@@ -199,6 +222,46 @@ def _bytes(path: Path, job: Job) -> bytes:
     return content
 
 
+def _suffix(path: Path) -> str:
+    """Ending of a file; of UGRID with the letters of its numbers before, as ".b8.ugrid"."""
+    suffix = path.suffix.lower()
+    return "".join(path.suffixes[-2:]).lower() if suffix == ".ugrid" else suffix
+
+
+def _beside(path: Path, content: bytes) -> dict[str, bytes]:
+    """The files that a mesh of meshio needs, from its folder, by the names it gives them.
+
+    Raises:
+        MeshError: It names files elsewhere, or they cannot be read.
+    """
+    suffix = path.suffix.lower()
+    names: dict[str, Path] = {}
+    if suffix == ".inp" and (line := _INCLUDED.search(content)):
+        shown = line[0].decode(errors="replace").strip()
+        raise MeshError(f"mesh file {path}: {shown!r} is another file; write all into this one")
+    if MESHIO.get(suffix) == "xdmf":
+        items = (text for kind, text in _ITEM.findall(content) if _IN_FILE.search(kind))
+        asked = {text.decode(errors="replace").split(":")[0].strip() for text in items}
+        names = {name: path.parent / name for name in asked if name}
+    if suffix in _HALVES:
+        names = {f"source{_HALVES[suffix]}": path.with_suffix(_HALVES[suffix])}
+    found = {}
+    for name, own in sorted(names.items()):
+        if Path(name).name != name:
+            raise MeshError(
+                f"mesh file {path}: its arrays are in {name!r}; put that file into the same folder "
+                "and name it without a folder"
+            )
+        try:
+            found[name] = read_regular(own)
+        except (OSError, ValueError) as error:
+            raise MeshError(
+                f"mesh file {path}: {own.name}, which it needs, cannot be read ({reason(error)}); "
+                "put it into the same folder"
+            ) from error
+    return found
+
+
 def _without_comment(token: re.Match[bytes]) -> bytes:
     return b" " if token[0].startswith(b"/") else token[0]
 
@@ -209,10 +272,12 @@ def _convert(path: Path, source: Path, target: Path, job: Job) -> None:
         "dim": job.dim, "degree": job.degree, "kinds": job.kinds, "options": dict(job.options),
         "balls": [dict(ball) for ball in job.balls],
         "size": job.options.get("Mesh.MeshSizeMax"), "most": _MOST_ALONG, "unit": job.unit,
-        "cut": job.cut, "arrays": job.arrays,
+        "cut": job.cut, "arrays": job.arrays, "meshio": MESHIO.get(path.suffix.lower()),
     })  # fmt: skip
+    size = sum(file.stat().st_size for file in source.parent.iterdir())
+    name = "meshio" if path.suffix.lower() in MESHIO else "Gmsh"
     try:
-        apart(PROGRAM, [str(source), str(target), orders], source.stat().st_size, "Gmsh")
+        apart(PROGRAM, [str(source), str(target), orders], size, name)
     except ApartError as error:
         text = str(error).replace(str(source), path.name)
         raise MeshError(f"mesh file {path}: {text}") from None

@@ -16,6 +16,7 @@ from impactfem.scene.given import AFormula, Given, MaybeFormula, MaybeTable, Tab
 from impactfem.scene.inline import InlineTable, ListOf, NumberOrList, Vector
 from impactfem.scene.kinds import Choice, FilePath, FormulaOf, Name, Real
 from impactfem.scene.laminate import Section
+from impactfem.scene.mesh_files import MESH_FILES
 from impactfem.scene.plate_keys import (
     EdgeSupport,
     FacePressure,
@@ -27,7 +28,6 @@ from impactfem.scene.plate_keys import (
 )
 from impactfem.scene.plate_outlines import OUTLINES, AnyOutline, PolygonOutline
 from impactfem.scene.schema import KeyedError, key, table
-from impactfem.scene.solids import MESH_FILES
 from impactfem.scene.values import show
 
 THIN, SHEARING = "kirchhoff", "reissner_mindlin"

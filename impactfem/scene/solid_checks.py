@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from impactfem.scene.boundary import SPACE
 from impactfem.scene.formula import Formula
 from impactfem.scene.kinds import FormulaOf
+from impactfem.scene.mesh_files import MESHES
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import NotAllowedError, show
@@ -72,10 +73,10 @@ def _check_materials(solid: "Solid") -> None:
 def _check_mesh_file(solid: "Solid") -> None:
     """Refuse sizes that a file holds already, and a geometry without a size."""
     mesh = "" if solid.mesh is None else solid.mesh.lower()
-    if not mesh.endswith((".msh", ".geo")) and solid.mesh_size is None:
+    if not mesh.endswith((*MESHES, ".geo")) and solid.mesh_size is None:
         what = "a STEP file" if mesh else "a shape"
         raise _fail(solid, "mesh_size", f" is missing: {what} needs it; give it in m.")
-    if not mesh.endswith(".msh"):
+    if not mesh.endswith(MESHES):
         return
     given = (
         ("mesh_size", solid.mesh_size is not None, solid.mesh_size),

@@ -27,6 +27,7 @@ from impactfem.scene.inline import (
 )
 from impactfem.scene.kinds import Choice, FilePath, Integer, Name, Real, RealOrFormula
 from impactfem.scene.materials import LAWS, Material, solids_of
+from impactfem.scene.mesh_files import MESH_FILES
 from impactfem.scene.probes import STRAINS
 from impactfem.scene.schema import key, table
 from impactfem.scene.shape import MODELS
@@ -52,7 +53,6 @@ _LAW_WORDS = {
     "neo_hookean": "neo-Hookean under finite strain",
     "mooney_rivlin": "Mooney–Rivlin under finite strain",
 }
-MESH_FILES = (".msh", ".geo", ".step", ".stp")
 
 
 @table("refine = [{ ... }]")
@@ -106,7 +106,7 @@ class Solid(BodyKind):
     )
     mesh: str | None = key(
         FilePath(endings=MESH_FILES),
-        "mesh or geometry file instead of a shape; its physical names are the surface names",
+        "mesh or geometry file instead of a shape; its names of groups are those of the surfaces",
         default=None,
         absent="none",
     )

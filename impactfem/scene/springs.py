@@ -11,10 +11,10 @@ from impactfem.scene.boundary import Support
 from impactfem.scene.given import MaybeTable, Tables
 from impactfem.scene.inline import InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
+from impactfem.scene.mesh_files import MESH_FILES
 from impactfem.scene.rigid_forms import form_of
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.shapes import Block, Disc, Ring
-from impactfem.scene.solids import MESH_FILES
 from impactfem.scene.values import show
 
 MODELS = ("2d", "3d")
@@ -44,7 +44,7 @@ class SpringNet(BodyKind):
     )  # fmt: skip
     mesh: str | None = key(
         FilePath(endings=MESH_FILES),
-        "mesh or geometry file instead of a shape; its physical names are the surface names",
+        "mesh or geometry file instead of a shape; its names of groups are those of the surfaces",
         default=None, absent="none",
     )  # fmt: skip
     model: str | None = key(

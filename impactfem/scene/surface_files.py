@@ -9,13 +9,13 @@ import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError
-from impactfem.reading.opening import Job, opened
+from impactfem.reading.opening import MESHIO, Job, opened
 from impactfem.reading.regular import read_regular, reason
 from impactfem.scene.closed_surface import ClosedSurface, crossed, faults, signed_volume, told
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
-SURFACE_FILES = (".stl", ".msh", ".step", ".stp")
+SURFACE_FILES = (".stl", ".msh", ".step", ".stp", *MESHIO)
 MESH_SIZE = "length of the edges of a STEP file's elements; required with one"
 SCALE = "metres in a unit of the file (a STEP file knows its own)"
 
