@@ -31,6 +31,7 @@ CODES: Mapping[str, str] = {
     "outside_contact": "nodes without contact unknowns reach an obstacle",
     "meets_nothing": "a body meets nothing",
     "units": "units do not seem to fit",
+    "overlapping_parts": "parts of a rigid body share room, which counts twice in its mass",
     "setting": "a setting that changes the answer is missing or unusual",
     "impact_law": "no law is settled for this impact",
     "control_method": "a method for comparison only",

@@ -170,6 +170,29 @@ class Placed:
         return np.zeros((len(at), 0))
 
 
+def facing(
+    first: Convex, second: Convex, one: Pose, other: Pose, most: int
+) -> tuple[Floats, Floats, Floats]:
+    """The direction to a body from another one, and places on both cores, (places, 3) each.
+
+    Args:
+        first: The body.
+        second: The other one.
+        one: Where the body is.
+        other: Where the other one is.
+        most: Number of places at most.
+    """
+    hint, size = np.zeros(3), min(first.reach, second.reach)
+    aims: tuple[Floats | None, Floats | None] = (None, None)
+    if first.axis is not None or second.axis is not None:
+        hint, _, _ = separate(first.spine(*one), second.spine(*other), hint, size)
+        aims = first.aim(hint @ one[1]), second.aim(-hint @ other[1])
+    a, b = first.placed(*one, aims[0]), second.placed(*other, aims[1])
+    n, kind, index = separate(a, b, hint, size)
+    x, y, count = touching(a, b, n, kind, index, size, most)
+    return n, x[:count], y[:count]
+
+
 @dataclass(frozen=True)
 class ConvexPair(Anew):
     """Two convex bodies that are held off each other.
@@ -219,8 +242,7 @@ class ConvexPair(Anew):
         if apart > 2.0 * way + self.led:
             return self._open
         one, other = self.one.pose(acting, centre), self.other.pose(acting, centre)
-        size = min(first.reach, second.reach)
-        n, places_one, places_two = self._touching(one, other, size)
+        n, places_one, places_two = facing(first, second, one, other, self.count)
         count, dim = len(places_one), places.shape[1]
         gap, normal = np.full(self.count, FAR), np.zeros((self.count, dim))
         normal[:] = n[:dim]
@@ -244,19 +266,6 @@ class ConvexPair(Anew):
             return Turning(patch_of(found, self.one.nodes), beyond)
 
         return Meeting(found, gap, normal, np.zeros(self.count), turning)
-
-    def _touching(self, one: Pose, other: Pose, size: float) -> tuple[Floats, Floats, Floats]:
-        """The direction from the other one, and places on both cores, (places, 3) each."""
-        first, second = self.one.shape, self.other.shape
-        hint = np.zeros(3)
-        aims: tuple[Floats | None, Floats | None] = (None, None)
-        if first.axis is not None or second.axis is not None:
-            hint, _, _ = separate(first.spine(*one), second.spine(*other), hint, size)
-            aims = first.aim(hint @ one[1]), second.aim(-hint @ other[1])
-        a, b = first.placed(*one, aims[0]), second.placed(*other, aims[1])
-        n, kind, index = separate(a, b, hint, size)
-        x, y, count = touching(a, b, n, kind, index, size, self.count)
-        return n, x[:count], y[:count]
 
     @cached_property
     def _open(self) -> Meeting:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from impactfem.findings import Finding
 from impactfem.planning.bar_rows import RowNumbers, plan_bar_row
 from impactfem.planning.bars import BarNumbers
 from impactfem.planning.doubts import doubts
@@ -47,8 +48,18 @@ def plan(scene: Scene) -> Plan[Any]:
     film, why = choose_film(scene, made.seconds)
     return replace(
         made,
-        findings=(*made.findings, *doubts(scene, made.findings)),
+        findings=(*made.findings, *doubts(scene, made.findings), *_shared_rooms(scene)),
         film=film,
         reasons={**made.reasons, "film": why},
         drawing_seconds=drawing_seconds(scene, film=film),
     )
+
+
+def _shared_rooms(scene: Scene) -> list[Finding]:
+    """Warnings about rigid bodies of parts that overlap."""
+    summed = [body for body in scene.bodies if body.summed]
+    if not summed:
+        return []
+    from impactfem.planning.shared_room import overlapping  # noqa: PLC0415  (loads kernels)
+
+    return [told for body in summed if (told := overlapping(body)) is not None]

@@ -155,6 +155,11 @@ class BodyKind:
         """Number of corners of its convex hull; 0 if it has no edges and faces."""
         return 0
 
+    @property
+    def summed(self) -> tuple[Any, ...]:
+        """Parts that its mass and inertia are sums of, where what two share counts twice."""
+        return ()
+
     def check_on_axis(self, where: str) -> None:
         """Refuse what does not stand beside axisymmetric solids.
 

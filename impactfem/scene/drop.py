@@ -165,14 +165,13 @@ def _of_form(form: Form, at: Floats, turn: Floats) -> tuple[Floats, Floats]:
     """Of a shape that is turned about a place."""
     nodes, radius = form.nodes, form.radius
     if len(form.rim):
-        around = np.linalg.norm(form.rim, axis=1)
-        one, two = np.linalg.svd(form.axis[None])[2][1:]
+        sizes = np.linalg.norm(form.rim, axis=1)
+        rims = np.unique(np.column_stack([nodes, sizes, radius, form.axis]), axis=0)
         angles = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
-        circle = np.cos(angles)[:, None] * one + np.sin(angles)[:, None] * two
-        rims = zip(nodes, around, radius, strict=True)
-        each = {(*node, size): ball for node, size, ball in rims}
-        nodes = np.concatenate([np.array(k[:3]) + k[3] * circle for k in each])
-        radius = np.repeat(list(each.values()), _AROUND)
+        ways = np.linalg.svd(rims[:, None, 5:])[2][:, 1:]  # across each axis
+        circles = np.einsum("ka,rkd->rad", [np.cos(angles), np.sin(angles)], ways)
+        nodes = (rims[:, None, :3] + rims[:, 3, None, None] * circles).reshape(-1, 3)
+        radius = np.repeat(rims[:, 4], _AROUND)
     return at + (nodes - at) @ turn.T, radius
 
 
@@ -213,7 +212,7 @@ def _way(scene: "Scene", nodes: Floats, radius: Floats, down: Floats, size: floa
 def _place(body: Any, tables: dict[str, Any], move: _Move, drop: Drop) -> None:
     """Turn and move the tables of a body."""
     centre = _FALLERS[type(body)].turned(body, tables, move, drop)
-    if "shape" not in tables and "mesh" not in tables:  # a point
+    if not {"shape", "shapes", "mesh"} & set(tables):  # a point
         tables["position"] = move.point(tables["position"])
         return
     for refined in tables.get("refine", ()):
@@ -240,13 +239,16 @@ def _shift(tables: dict[str, Any], shift: Floats) -> None:
     def shifted(place: Sequence[float]) -> list[float]:
         return [float(each) for each in np.asarray(place, dtype=np.float64) + shift]
 
-    shape: Any = tables.get("shape")
     homes: list[tuple[dict[str, Any], str]] = [(tables, "center_of_mass"), (tables, "position")]
-    if shape is None:
+    shapes: list[Any] = [own(each) for each in tables.get("shapes") or ()]
+    if shapes:
+        tables["shapes"] = shapes
+    elif tables.get("shape") is None:
         tables.setdefault("position", [0.0] * len(shift))
     else:
-        shape = own(shape)
-        tables["shape"] = shape
+        tables["shape"] = own(tables["shape"])
+        shapes = [tables["shape"]]
+    for shape in shapes:
         homes += [(shape, "corner"), (shape, "center")]
         if "points" in shape:
             shape["points"] = [shifted(each) for each in shape["points"]]

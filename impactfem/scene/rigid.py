@@ -1,7 +1,7 @@
 """Rigid bodies in the plane and in space."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -13,8 +13,8 @@ from impactfem.arrays import Floats
 from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
-from impactfem.scene.given import Given, MaybeFormulas, MaybeTable
-from impactfem.scene.inline import Formulas, InlineTable, NumberOrVector, Vector
+from impactfem.scene.given import Given, MaybeFormulas, MaybeTable, Tables
+from impactfem.scene.inline import Formulas, InlineTable, ListOf, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
 from impactfem.scene.points import COORDINATES
 from impactfem.scene.rigid_forms import Form, form_of, form_of_surface
@@ -54,6 +54,10 @@ class RigidBody(BodyKind):
     shape: MaybeTable[RigidShape] = key(
         InlineTable(RIGID_SHAPES), "its shape at t = 0, before orientation; or give mesh",
         default=None, absent="none",
+    )  # fmt: skip
+    shapes: Tables[RigidShape] = key(
+        ListOf(InlineTable(RIGID_SHAPES)), "instead: the shapes of its parts at t = 0, which "
+        "never touch each other; what two of them share counts twice in its mass", default=(),
     )  # fmt: skip
     mesh: Given[str | None, Path] = key(
         FilePath(endings=SURFACE_FILES), "file of its closed surface instead of a shape",
@@ -123,21 +127,17 @@ class RigidBody(BodyKind):
 
     def _check_form(self) -> None:
         """Refuse forms, masses and inertias that no body has."""
-        if cuts := getattr(self.shape, "symmetry", ()):
-            text = f" = {show(list(cuts))} makes parts of solids: remove it, a rigid body is whole."
-            raise KeyedError(self.kind, "shape.symmetry", text)
-        try:
-            volume, cornerless = self.form.volume, not len(self.form.nodes)
-        except KeyedError as error:
-            if self.mesh is not None:
-                raise
-            raise error.moved("").under("shape", self.kind) from None
-        if not math.isfinite(volume) or volume <= 0.0 or cornerless:
-            raise KeyedError(
-                self.kind,
-                "shape" if self.shape else "mesh",
-                " has no usable volume: give SI units.",
-            )
+        for where, part in self._figures.items():
+            if cuts := getattr(part, "symmetry", ()):
+                text = f" = {show(list(cuts))} makes parts of solids: remove it, a rigid body is "
+                raise KeyedError(self.kind, f"{where}.symmetry", f"{text}whole.")
+            try:
+                form_of(part)
+            except KeyedError as error:
+                raise error.moved("").under(where, self.kind) from None
+        for where, form in zip(self._figures or ("mesh",), self.parts, strict=True):
+            if not 0.0 < form.volume < math.inf or not len(form.nodes):
+                raise KeyedError(self.kind, where, " has no usable volume: give SI units.")
         self._check_mass()
         self._check_inertia()
         self._check_formulas()
@@ -145,19 +145,39 @@ class RigidBody(BodyKind):
     @cached_property
     def form(self) -> Form:
         """What the shape amounts to, before the body is turned."""
-        if self.shape is None:
-            return form_of_surface(closed_surface(self, self.dim), self.position)
-        return form_of(self.shape)
+        return Form.joined(self.parts)
+
+    @cached_property
+    def parts(self) -> tuple[Form, ...]:
+        """The same of each of its shapes, which are convex but for one from a file."""
+        if self.mesh is not None:
+            return (form_of_surface(closed_surface(self, self.dim), self.position),)
+        return tuple(map(form_of, self._figures.values()))
+
+    @property
+    def summed(self) -> tuple[Form, ...]:
+        """Its parts; none if its inertia is given."""
+        return self.parts if len(self.shapes) > 1 and self.inertia is None else ()
+
+    @property
+    def _figures(self) -> Mapping[str, RigidShape]:
+        """Its shapes by their keys."""
+        if self.shape is not None:
+            return {"shape": self.shape}
+        return {f"shapes[{index}]": shape for index, shape in enumerate(self.shapes)}
 
     @property
     def figure(self) -> str:
         """Word for its shape."""
-        return "body" if self.shape is None else self.shape.kind
+        kinds = [shape.kind for shape in self._figures.values()]
+        return kinds[0] if len(kinds) == 1 else f"body of {len(kinds)} shapes" if kinds else "body"
 
     @property
     def dim(self) -> int:
         """Number of coordinates."""
-        return (2 if self.model == MODELS[0] else 3) if self.shape is None else self.shape.dim
+        for shape in self._figures.values():
+            return shape.dim
+        return 2 if self.model == MODELS[0] else 3
 
     @property
     def turns_far(self) -> bool:
@@ -181,13 +201,13 @@ class RigidBody(BodyKind):
 
     @property
     def is_convex(self) -> bool:
-        """Whether it is its own convex hull."""
+        """Whether it, or each of its shapes, is its own convex hull."""
         return self.form.convex
 
     @property
     def hull_corners(self) -> int:
-        """Number of corners of its convex hull, or of centres of its balls and rims."""
-        return len(self.form.nodes)
+        """Most corners of a convex hull of its parts, or centres of their balls and rims."""
+        return max(len(part.nodes) for part in self.parts)
 
     @property
     def turns(self) -> int:
@@ -269,10 +289,15 @@ class RigidBody(BodyKind):
 
     def _check_source(self) -> None:
         """Refuse bodies without a shape or file, with both, or with keys of the other one."""
-        if (self.shape is None) == (self.mesh is None):
-            given = "neither is" if self.mesh is None else "mesh is too"
-            text = f": {given} given; give a shape, or mesh = a file."
-            raise KeyedError(self.kind, "shape", text)
+        given = [name for name in ("shape", "shapes", "mesh") if getattr(self, name)]
+        if len(given) != 1:
+            found = f"{' and '.join(given)} are" if given else "neither is"
+            text = f": {found} given; give a shape, shapes = a list of them, or mesh = a file."
+            raise KeyedError(self.kind, given[0] if given else "shape", text)
+        for where, shape in self._figures.items():
+            if shape.dim != self.dim:
+                text = f" has {shape.dim} coordinates, but {next(iter(self._figures))} has "
+                raise KeyedError(self.kind, where, f"{text}{self.dim}: give all as many.")
         for name, usual in (("scale", 1.0), ("mesh_size", None), ("position", None)):
             if self.mesh is None and getattr(self, name) != usual:
                 raise self._fail(name, " is for mesh, and a shape is given: remove it.")

@@ -41,8 +41,8 @@ class Form:
         cells: Triangles, in space tetrahedra, of the picture, (cells, dim + 1).
         rim: Of places on circles around the nodes, from the lowest one on: radius [m] times cosine
             and sine of the angle, (nodes, 2); empty without any.
-        axis: Of the circles, (3,).
-        convex: Whether it is its own convex hull.
+        axis: Of the circles, (nodes, 3); empty without any.
+        convex: Whether it, or each of its parts, is its own convex hull.
     """
 
     volume: float
@@ -53,7 +53,7 @@ class Form:
     points: Floats
     cells: Integers
     rim: Floats = field(default_factory=lambda: np.zeros((0, 2)))
-    axis: Floats = field(default_factory=lambda: np.zeros(3))
+    axis: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     convex: bool = True
 
     @property
@@ -80,8 +80,56 @@ class Form:
             second=turn @ self.second @ turn.T,
             nodes=about + (self.nodes - about) @ turn.T,
             points=about + (self.points - about) @ turn.T,
-            axis=turn @ self.axis if self.dim == 3 else self.axis,
+            axis=self.axis @ turn.T if self.dim == 3 else self.axis,
         )
+
+    @classmethod
+    def joined(cls, parts: Sequence["Form"]) -> "Form":
+        """Of several parts of one body; what two of them share counts twice.
+
+        Corners that are none of the hull of all are left out, as of bodies from files: see
+        `form_of_surface`.
+        """
+        if len(parts) == 1:
+            return parts[0]
+        volumes = np.array([part.volume for part in parts])
+        volume = float(volumes.sum())
+        centre = volumes @ [part.centre for part in parts] / volume
+        arms = np.array([part.centre - centre for part in parts])
+        second = sum(part.second for part in parts) + np.einsum("p,pi,pj", volumes, arms, arms)
+        first = np.cumsum([0, *(len(part.points) for part in parts)])
+        rows = np.vstack([*map(_touching, parts)])
+        dim, rows = len(centre), rows[_outer(rows, len(centre))]
+        nodes, radius, rim, axis = np.split(rows, [dim, dim + 1, dim + 3], axis=1)
+        circles = {"rim": rim, "axis": axis} if rim.any() else {}
+        return cls(
+            volume, centre, second, nodes, radius[:, 0],
+            np.vstack([part.points for part in parts]),
+            np.vstack([part.cells + k for part, k in zip(parts, first, strict=False)]),
+            convex=all(part.convex for part in parts), **circles,
+        )  # fmt: skip
+
+
+def _touching(part: Form) -> Floats:
+    """Nodes with their balls and circles, those of corners of no radius, (nodes, dim + 6)."""
+    none = np.zeros((len(part.nodes), 2)), np.tile([0.0, 1.0, 0.0], (len(part.nodes), 1))
+    rim, axis = (part.rim, part.axis) if len(part.rim) else none
+    return np.column_stack([part.nodes, part.radius, rim, axis])
+
+
+def _outer(rows: Floats, dim: int) -> Integers:
+    """Which corners and circles are on the hull of all, and all balls; rows of `_touching`."""
+    nodes, radius, rim, axis = np.split(rows, [dim, dim + 1, dim + 3], axis=1)
+    of = np.arange(len(rows))
+    if rim.any():
+        ways = np.linalg.svd(axis[:, None])[2][:, 1:]  # across each axis
+        angles = 2.0 * np.pi * np.arange(_ROUND) / _ROUND
+        circles = np.einsum("ka,rkd->rad", [np.cos(angles), np.sin(angles)], ways)
+        size = np.linalg.norm(rim, axis=1)[:, None, None]
+        nodes, of = (nodes[:, None] + size * circles).reshape(-1, 3), np.repeat(of, _ROUND)
+    hull = _qhull(nodes)
+    found = of if hull is None else np.concatenate([of[hull.vertices], np.flatnonzero(radius)])
+    return np.unique(found)
 
 
 def form_of(shape: Any) -> Form:
@@ -205,7 +253,7 @@ def _cylinder(shape: Cylinder) -> Form:
     nodes = np.repeat(ends, _ALONG_RIM, axis=0)
     return Form(
         volume, centre, second, nodes, np.zeros(len(nodes)), seen.points, seen.cells,
-        np.tile(rim, (2, 1)), np.array([0.0, 1.0, 0.0]),
+        np.tile(rim, (2, 1)), np.tile([0.0, 1.0, 0.0], (len(nodes), 1)),
     )  # fmt: skip
 
 

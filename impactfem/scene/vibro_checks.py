@@ -93,7 +93,7 @@ def _check_shape(body: "RigidBody", why: str) -> None:
             raise KeyedError(body.kind, name, f": {why} of a shape under its weight: {_REMEDY}.")
     if len(body.form.rim):
         text = f' = "{body.figure}": {why} of corners or a single ball, no rims: {_REMEDY}.'
-        raise KeyedError(body.kind, "shape.kind", text)
+        raise KeyedError(body.kind, "shapes" if body.shapes else "shape.kind", text)
 
 
 def _check_law(law: Contact, where: str, why: str, *, rubs: bool, rigid: bool) -> None:

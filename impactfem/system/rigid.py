@@ -16,6 +16,7 @@ from impactfem.scene import RigidBody, Scene
 from impactfem.scene.means import StepMean
 from impactfem.scene.obstacles.rotation import gap_at
 from impactfem.scene.pairing import bodies_met, friction_of, obstacles_of
+from impactfem.scene.rigid_forms import Form
 from impactfem.scene.rigid_keys import rotation
 from impactfem.system.convex import Carrier, Convex
 from impactfem.system.few import FewBodies, Lone
@@ -32,10 +33,10 @@ NEAR = 0.2
 
 @dataclass(frozen=True)
 class Rims:
-    """Places on circles about an axis of a body, the lowest one and others at angles from it.
+    """Places on circles about axes of a body, the lowest one and others at angles from it.
 
     Attributes:
-        axis: Of the circles, along the axes of the body, (3,).
+        axis: Of the circles, along the axes of the body, (nodes, 3).
         shares: Radius times cosine and sine of the angles [m], (nodes, 2).
     """
 
@@ -52,13 +53,22 @@ class Rims:
                 farther off than so, (nodes, 3).
             near: Least cosine of the angle from these.
         """
-        axis = turn @ self.axis
-        return np.asarray(lowest_directions(axis, normals, known, near))
+        return np.asarray(lowest_directions(self.axis @ turn.T, normals, known, near))
 
     def arms(self, turn: Floats, normals: Floats, known: Floats) -> Floats:
         """From the centres of the circles to the places [m], (nodes, 3); all near known ones."""
-        axis = turn @ self.axis
-        return np.asarray(along_rims(axis, normals, known, self.shares))
+        return np.asarray(along_rims(self.axis @ turn.T, normals, known, self.shares))
+
+    @property
+    def across(self) -> Floats:
+        """Some directions across the axes, along the axes of the body, (nodes, 3)."""
+        return np.cross(self.axis, np.eye(3)[np.argmin(np.abs(self.axis), axis=1)])
+
+    @property
+    def one_axis(self) -> Floats | None:
+        """That of all circles, (3,); None if they have several."""
+        axes = self.axis[self.shares.any(axis=1)]
+        return axes[0] if (axes == axes[0]).all() else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,10 +134,10 @@ class Rigid(FewBodies):
     @property
     def lone(self) -> Lone | None:
         """Itself, where it touches with its nodes alone and nothing but gravity pulls."""
-        if self.carriers or self.loads is not None:
+        axis = np.zeros(3) if self.rims is None else self.rims.one_axis
+        if self.carriers or self.loads is not None or axis is None:
             return None
         shares = np.zeros((0, 2)) if self.rims is None else self.rims.shares
-        axis = np.zeros(3) if self.rims is None else self.rims.axis
         return Lone(self.masses[0], self.inertia, self.arms, self.rolling, shares, axis, self.free)
 
     def stations(self, asked: Sequence[Asked]) -> Stations:
@@ -253,10 +263,11 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
     shaped |= among.linked
     shaped = shaped.intersection(others)
     shaped |= {o.name for o in named}.difference(obstacles)
-    carriers = (_carrier(body, count, shaped),) if shaped else ()
-    for carrier in carriers:
-        more = len(carrier.markers)
-        arms = np.vstack([arms, Carrier.arms(more, dim, carrier.unit)[0]])
+    carriers = []
+    for part in body.parts if shaped else ():
+        carrier, turning = _carrier(body, part, len(arms), shaped)
+        carriers.append(carrier)
+        arms, more = np.vstack([arms, turning]), len(turning)
         radius, rolling = (np.pad(each, (0, more)) for each in (radius, rolling))
     # Across its plane nothing turns a body: what is a size there has the units of the rest.
     inertia, turned = body.moments[0, 0] * np.eye(3), np.array([body.angle])
@@ -267,10 +278,9 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
         velocity = np.concatenate([velocity[:3], rotation(turned).T @ velocity[3:]])
 
     middle, turn = frame(position)
-    shares = np.pad(np.tile(form.rim, (copies, 1)), [(0, len(arms) - count), (0, 0)])
-    rims = Rims(form.axis, shares) if len(form.rim) else None
+    rims = _rims(form, copies, len(arms))
     normals = np.zeros((len(arms), 3))
-    lowest = normals + turn @ np.cross(form.axis, np.eye(3)[np.argmin(np.abs(form.axis))])
+    lowest = normals if rims is None else rims.across @ turn.T
     for _ in range(_LOOKS if rims else 0):
         for (name, _), nodes in meets.items():
             there = middle + arms @ turn.T + (rims.arms(turn, normals, lowest) if rims else 0.0)
@@ -315,7 +325,7 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
         loads=_loads(body),
         picture=(in_space(form.points - center), form.cells),
         crowded=np.where(np.arange(len(radius)) == len(own) * len(partners), room, 0),
-        carriers=carriers,
+        carriers=tuple(carriers),
         free=free,
     )
 
@@ -351,20 +361,31 @@ _MARKED = 0.25  # arm of markers, as a share of the size of a body
 _LOOKS = 4  # for what is nearest to the lowest place of a rim at t = 0
 
 
-def _carrier(body: RigidBody, first: int, partners: set[str]) -> Carrier:
-    """The body with markers from a contact node on."""
-    shape, dim = _shape(body), body.dim
-    markers = first + np.arange(1 + dim + dim * shape.rounds)
-    unit = _MARKED * body.form.volume ** (1.0 / dim)
-    return Carrier(shape, markers, unit, frozenset(partners))
+def _rims(form: Form, copies: int, count: int) -> Rims | None:
+    """Circles of so many copies of the nodes of a form, and of no radius of other nodes."""
+    if not len(form.rim):
+        return None
+    more = [(0, count - copies * len(form.rim)), (0, 0)]
+    axes = np.pad(np.tile(form.axis, (copies, 1)), more, mode="edge")
+    return Rims(axes, np.pad(np.tile(form.rim, (copies, 1)), more))
 
 
-def _shape(body: RigidBody) -> Convex:
-    """What edges and faces of others meet, from the centre of mass."""
-    form, nodes = body.form, body.form.nodes - body.center
-    if len(form.rim):
-        return Convex.cylinder(np.unique(nodes, axis=0), float(np.linalg.norm(form.rim[0])))
-    return Convex.of(nodes, float(form.radius.max()))
+def _carrier(body: RigidBody, part: Form, first: int, partners: set[str]) -> tuple[Carrier, Floats]:
+    """A part of the body with markers from a contact node on, and the arms of these [m]."""
+    middle = part.centre - body.center
+    shape = convex_of(part)
+    unit = _MARKED * part.volume ** (1.0 / body.dim)
+    turning, _ = Carrier.arms(1 + body.dim + body.dim * shape.rounds, body.dim, unit)
+    markers = first + np.arange(len(turning))
+    return Carrier(shape, markers, unit, frozenset(partners)), in_space(middle) + turning
+
+
+def convex_of(part: Form) -> Convex:
+    """What edges and faces of others meet of a part of a body, from its centre."""
+    nodes = part.nodes - part.centre
+    if len(part.rim):
+        return Convex.cylinder(np.unique(nodes, axis=0), float(np.linalg.norm(part.rim[0])))
+    return Convex.of(nodes, float(part.radius.max()))
 
 
 def _loads(body: RigidBody) -> Loads | None:

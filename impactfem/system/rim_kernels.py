@@ -55,19 +55,19 @@ def add_along_rim(arm, axis, down, share):
 
 
 @compiled
-def lowest_directions(axis, normals, known, near):
-    """`lowest_direction` of circles about one axis, (nodes, 3)."""
+def lowest_directions(axes, normals, known, near):
+    """`lowest_direction` of circles about axes (nodes, 3), (nodes, 3)."""
     found = np.empty_like(known)
     for k in range(len(known)):
-        found[k] = lowest_direction(axis, normals[k], known[k], near)
+        found[k] = lowest_direction(axes[k], normals[k], known[k], near)
     return found
 
 
 @compiled
-def along_rims(axis, normals, known, shares):
+def along_rims(axes, normals, known, shares):
     """From the centres of circles to places on them [m], (nodes, 3); all near known ones."""
     found = np.zeros_like(known)
     for k in range(len(known)):
-        down = lowest_direction(axis, normals[k], known[k], NEAR)
-        add_along_rim(found[k], axis, down, shares[k])
+        down = lowest_direction(axes[k], normals[k], known[k], NEAR)
+        add_along_rim(found[k], axes[k], down, shares[k])
     return found
