@@ -171,7 +171,9 @@ def _short(kind: Line) -> Schema:
 
 
 def _either_case(letter: str) -> str:
-    return f"[{letter}{letter.upper()}]" if letter.isalpha() else f"\\{letter}"
+    if letter.isalpha():
+        return f"[{letter}{letter.upper()}]"
+    return letter if letter.isdigit() else f"\\{letter}"
 
 
 @_schema.register
