@@ -144,7 +144,7 @@ WRONG = {
     "empty title": put(GOOD, ("title",), " "),
     "half a degree": put(GOOD, ("body", 0, "degree"), 1.5),
     "degree 3": put(GOOD, ("body", 0, "degree"), 3),
-    "another file": put(GOOD, ("body", 0, "mesh"), "mesh.vtk"),
+    "another file": put(GOOD, ("body", 0, "mesh"), "mesh.pdf"),
     "unknown format": put(GOOD, ("output", "fields"), ["vtk"]),
     "format twice": put(GOOD, ("output", "fields"), ["vtx", "vtx"]),
     "switch": put(GOOD, ("solve", "estimate"), "yes"),
