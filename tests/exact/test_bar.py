@@ -329,7 +329,8 @@ def test_agrees_with_leapfrog_to_first_order(*, gap, tilt, throw, spread, pull, 
         )
         error.append(np.abs(bar.gap(t) - near).max())
     assert error[1] < 10 / 512
-    assert error[1] < 0.6 * error[0] or error[1] < 1e-3
+    # Or an event just before a layer of both, which fronts of up to 2 m/s miss by a fine step.
+    assert error[1] < 0.6 * error[0] or error[1] < 2.0 * bar.transit_time / 512
 
 
 def test_irregular_bouncing_keeps_its_energy():
