@@ -30,7 +30,6 @@ from impactfem.scene.couplings import WHOLE
 from impactfem.scene.laws import side_of
 from impactfem.scene.pairing import named_body_pairs
 from impactfem.sizing import check_memory
-from impactfem.system.mechanism import Arm
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidsModel
@@ -189,6 +188,8 @@ def _memory(scene: Scene, layers: int, pairs: int) -> float:
 
 def joint_findings(model: "SolidsModel") -> list[Finding]:
     """What joints do not determine, or compare only; what files of mechanisms have in vain."""
+    from impactfem.system.mechanism import Arm  # noqa: PLC0415  (loads SciPy)
+
     joints = model.joints
     found = [
         Finding("robot_file", "note", f"{bodies.names[0]}: {what}", bodies.names[0])

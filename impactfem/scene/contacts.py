@@ -81,9 +81,10 @@ class Contact:
     )
     damping: float = key(
         Real(at_least=0),
-        "of what gives way, which never pulls: force over the speed of indentation, or with "
-        "hunt_crossley what multiplies that speed and the force of the stiffness",
-        unit="N s/m (of layers Pa s/m) or s/m",
+        "of what gives way, which never pulls: force over the speed of indentation, of layers "
+        "pressure (Pa s/m); with hunt_crossley what multiplies that speed and the force of the "
+        "stiffness (s/m)",
+        unit="N s/m",
         default=0.0,
     )
     damping_law: str = key(

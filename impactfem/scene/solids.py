@@ -106,7 +106,7 @@ class Solid(BodyKind):
     )
     mesh: str | None = key(
         FilePath(endings=MESH_FILES),
-        "mesh or geometry file instead of a shape; its names of groups are those of the surfaces",
+        "mesh or geometry file instead of a shape; its groups name surfaces",
         default=None,
         absent="none",
     )

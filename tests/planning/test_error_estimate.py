@@ -241,7 +241,9 @@ def test_turns_count_as_far_as_they_move_the_points_of_a_body():
     rows = {"time": times, "contact_force": np.zeros(5)} | still
     body = SimpleNamespace(name="a", turns_far=True, supports=())
     gravity = SimpleNamespace(values=[0.0])
-    scene = SimpleNamespace(bodies=[body], obstacles=[], couplings=(), duration=1.0, gravity=gravity)
+    scene = SimpleNamespace(
+        bodies=[body], obstacles=[], couplings=(), duration=1.0, gravity=gravity
+    )
 
     def table(**columns):
         return {name: SimpleNamespace(values=values) for name, values in (rows | columns).items()}

@@ -137,7 +137,7 @@ CASES = {
     ),
     # mesh files
     "both": ({"body.0.mesh": "a.msh"}, ['body[0].mesh = "a.msh"', "remove one"]),
-    "ending": ({"body.0.mesh": "a.vtk"}, ['"a.vtk"', ".msh, .geo, .step or .stp"]),
+    "ending": ({"body.0.mesh": "a.pdf"}, ['"a.pdf"', ".msh, .geo, .step"]),
     "size of a mesh": (
         {"body.0.shape": ABSENT, "body.0.mesh": "a.msh"},
         ["body[0].mesh_size = 0.03", "a.msh", "remove it"],
