@@ -106,7 +106,7 @@ class Solid(BodyKind):
     )
     mesh: str | None = key(
         FilePath(endings=MESH_FILES),
-        "mesh or geometry file instead of a shape; its groups name surfaces",
+        "mesh or geometry file instead of a shape",
         default=None,
         absent="none",
     )
