@@ -133,6 +133,8 @@ try:
     kinds = [int(kind) for kind in gmsh.model.mesh.getElementTypes(dim)]
     if degree and kinds and not set(kinds) <= set(job["kinds"]):
         gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 0)
+        if not meshed:  # its surfaces may be in units of their own
+            gmsh.option.setNumber("Mesh.SecondOrderLinear", 1)
         gmsh.model.mesh.setOrder(degree)
     gmsh.model.mesh.renumberElements()
     errors += [line for line in gmsh.logger.get() if line.startswith("Error")]
