@@ -336,19 +336,26 @@ def schema(given: argparse.Namespace) -> int:
     return DONE
 
 
+def _loaded(folder: Path) -> "Result | None":
+    """The result in a folder; None, and said, if there is none that can be read."""
+    from impactfem.facade import Result  # noqa: PLC0415
+
+    try:
+        return Result.load(folder)
+    except OutputError as error:
+        complain(str(error))
+        return None
+
+
 def plot(given: argparse.Namespace) -> int:
     """Draw the pictures and the report of a result folder again."""
     spare_signatures()
-    from impactfem.facade import Result  # noqa: PLC0415
     from impactfem.report.adding import add_pictures  # noqa: PLC0415
     from impactfem.result.store import CHECKPOINT, SPOOL  # noqa: PLC0415
     from impactfem.resuming import claimed, clear  # noqa: PLC0415
     from impactfem.scene import Output  # noqa: PLC0415
 
-    try:
-        result = Result.load(given.folder)
-    except OutputError as error:
-        complain(str(error))
+    if (result := _loaded(given.folder)) is None:
         return BAD_INPUT
     with claimed(given.folder):
         names, faults = add_pictures(result, given.folder, Output(film=True))
@@ -364,15 +371,11 @@ def plot(given: argparse.Namespace) -> int:
 
 def show(given: argparse.Namespace) -> int:
     """Show a result in space with a time slider, or write a picture of it."""
-    from impactfem.facade import Result  # noqa: PLC0415
     from impactfem.report.view import show as shown  # noqa: PLC0415
 
     if rank():
         return DONE
-    try:
-        result = Result.load(given.folder)
-    except OutputError as error:
-        complain(str(error))
+    if (result := _loaded(given.folder)) is None:
         return BAD_INPUT
     shown(result, given.at, given.field, given.out)
     if given.out is not None:
@@ -382,15 +385,11 @@ def show(given: argparse.Namespace) -> int:
 
 def spectrum(given: argparse.Namespace) -> int:
     """Tell which frequencies a column of a result holds, and how oscillators would answer it."""
-    from impactfem.facade import Result  # noqa: PLC0415
     from impactfem.report.spectrum_figure import spectrum_table, write_spectrum  # noqa: PLC0415
 
     if rank():
         return DONE
-    try:
-        result = Result.load(given.folder)
-    except OutputError as error:
-        complain(str(error))
+    if (result := _loaded(given.folder)) is None:
         return BAD_INPUT
     if given.modes is not None:
         _prepare(result.scene)

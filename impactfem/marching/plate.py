@@ -138,17 +138,17 @@ class PlateMidpoint(ShownPlate):
             place: Coordinates.
             pulls: Of friction in the plane [N].
         """
-        return self._moved(place - self._begun)
+        return self.contact_moved(place - self._begun)
 
     def moved(self, place: Floats, pulls: Floats, change: Floats, more: Floats) -> Floats:  # noqa: ARG002
         """How `displaced` changes by small changes of both arguments [m], (count, 3)."""
-        return self._moved(change)
+        return self.contact_moved(change)
 
     def pulled(self, forces: Floats) -> tuple[Floats, Floats]:
         """Forces on the contact nodes (count, 3) as those on q, and in the plane."""
         return self._faces.pulled(self._faces.pressing(forces)), self.pulls
 
-    def _moved(self, change: Floats) -> Floats:
+    def contact_moved(self, change: Floats) -> Floats:
         """How contact nodes move by a change of q [m], (count, 3)."""
         return self._faces.moved(self._faces.told(change))
 
@@ -185,7 +185,7 @@ class PlateMidpoint(ShownPlate):
         if self._shown is None:
             moved = self._q - self._begun
             moved[self._light] = self._free - self._begun[self._light]
-            self._shown = self._moved(moved)
+            self._shown = self.contact_moved(moved)
         return self._shown
 
     @property
@@ -196,7 +196,7 @@ class PlateMidpoint(ShownPlate):
             rates[none] = (self._of_vertices @ self.speed)[none]
         if self._faces.rubs and self._follows:
             self._settle_slopes(rates)
-        return self._moved(rates)
+        return self.contact_moved(rates)
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
         """Velocities of contact nodes at both ends of the layer [m/s], (count, 3) each."""
@@ -232,7 +232,7 @@ class PlateMidpoint(ShownPlate):
             pressing: See `PlateFaces.pressing`.
         """
         right, advance = self._faces.pulled(pressing), self._layer.advance
-        found, pressed = advance * self._layer.solve(right), np.zeros_like(right)
+        found, pressed = self.answer(right), np.zeros_like(right)
         if right[self._light].any():
             pressed[self._light] = self._statics.solve(right[self._light])
         return found - advance * pressed, pressed
@@ -276,7 +276,7 @@ class PlateMidpoint(ShownPlate):
         return HeldLumped(tips, replace(stations, rows=rows), self)
 
     def answer(self, forces: Floats) -> Floats:
-        """Change of q at the end of a layer by forces on it, none on what has no mass, (d,)."""
+        """Change of q at the end of a layer by forces on it, (d,) each."""
         return np.asarray(self._layer.advance * self._layer.solve(forces))
 
     def answer_to(self, forces: Floats) -> Floats:
@@ -288,10 +288,6 @@ class PlateMidpoint(ShownPlate):
                 return self._changed(pressing)[0]
             found += pressing[part, place] * unit
         return found
-
-    def contact_moved(self, change: Floats) -> Floats:
-        """How contact nodes move by a change of q [m], (count, 3)."""
-        return self._moved(change)
 
     def shift(self, change: Floats) -> None:
         """Move q at the end of the layer."""
@@ -317,7 +313,7 @@ class PlateMidpoint(ShownPlate):
             return np.zeros_like(forces)
         moved = np.zeros_like(self._q)
         moved[self._light] = self._held = self._statics.solve(self.pulled(forces)[0][self._light])
-        return self._moved(moved)
+        return self.contact_moved(moved)
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, 3)."""

@@ -11,7 +11,7 @@ from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.link_shapes import named
 from impactfem.system.located import Located, locate
-from impactfem.system.regions import HeldRegion, HeldRegions, Key, region, tip, triangles
+from impactfem.system.regions import HeldRegion, HeldRegions, Key, region, triangles
 from impactfem.system.surface import SurfaceNodes
 from impactfem.system.tips import Tips
 
@@ -56,13 +56,9 @@ def _region(
     on = outside.touched(faces)
     areas, free = outside.total(outside.areas, faces)[on], ~part.supported[on]
     points, corners = outside.points[on], triangles(outside.faces[faces], part.solid.dim)
-
-    def holds(nodes: Booleans) -> bool:
-        return tip(points, areas * (nodes & free)) is not None
-
     numbers = np.searchsorted(np.flatnonzero(on), corners)
-    found = region(place, points, numbers, radius, holds, where)
-    kept = found.nodes & free
+    found = region(place, points, numbers, radius, areas, free, where)
+    kept = found.nodes
     return HeldRegion(
         outside.numbers[on][kept], points[kept], areas[kept], int(on.sum()), found.radius, found.why
     )

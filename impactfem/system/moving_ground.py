@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -27,19 +28,21 @@ class MovingGround:
         """Number of stations."""
         return 1 + len(self.motions)
 
-    @property
+    @cached_property
     def still(self) -> Floats:
         """Zeros, (stations, 3)."""
         return np.zeros((self.count, 3))
 
-    @property
+    @cached_property
     def turns(self) -> Floats:
         """Rotations: none, (stations, 3, 3)."""
         return np.tile(np.eye(3), (self.count, 1, 1))
 
     def at(self, t: float) -> tuple[Floats, Floats]:
         """Places [m] and velocities [m/s] at a time, (stations, 3) each."""
-        places, speeds = self.still, self.still
+        if not self.motions:
+            return self.still, self.still
+        places, speeds = np.zeros((2, self.count, 3))
         for k, motion in enumerate(self.motions, start=1):
             for axis, formula in enumerate(motion):
                 jet = motion_at(formula, t)

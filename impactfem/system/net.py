@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError, SceneError
 from impactfem.scene import Scene
 from impactfem.scene.body import beside
@@ -105,12 +105,7 @@ class Net(FewBodies):
         points, mass = self.mesh.points[surface], self.node_mass[surface]
         free = np.isin(surface, self.free)
         sides = np.searchsorted(surface, self.mesh.edges[np.isin(self.mesh.edges, surface).all(1)])
-
-        def holds(nodes: Booleans) -> bool:
-            return tip(points, mass * (free & nodes)) is not None
-
-        where = "joint", name
-        return surface[region(place, points, sides, radius, holds, where).nodes & free]
+        return surface[region(place, points, sides, radius, mass, free, ("joint", name)).nodes]
 
     def _station(self, name: str, nodes: Integers) -> tuple[Floats, Floats]:
         """Place of a station (3,), and its velocity and spin by q', (6, d)."""

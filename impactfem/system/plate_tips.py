@@ -16,7 +16,7 @@ from impactfem.scene.laws import side_of
 from impactfem.scene.plate import Plate
 from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate_mesh import PlateMesh
-from impactfem.system.regions import HeldRegion, HeldRegions, Key, region, tip
+from impactfem.system.regions import HeldRegion, HeldRegions, Key, region
 from impactfem.system.stations import Asked, Stations
 
 
@@ -38,16 +38,14 @@ def held_vertices(
     points, areas = center + mesh.points @ axes[:2], mesh.lumped(np.ones(len(mesh.cells)))
     found = HeldRegions()
 
-    def holds(nodes: Booleans) -> bool:
-        return tip(points, areas * (nodes & ~still)) is not None
-
     for index, joint in enumerate(scene.couplings):
         for side, place in zip(joint.between or (), joint.places, strict=False):
             if side_of(side)[0] != plate.name:
                 continue
             where = f"joint[{index}]", side
-            own = region(np.asarray(place), points, mesh.cells, joint.radius, holds, where)
-            kept = np.flatnonzero(own.nodes & ~still)
+            at = np.asarray(place)
+            own = region(at, points, mesh.cells, joint.radius, areas, ~still, where)
+            kept = np.flatnonzero(own.nodes)
             made = HeldRegion(kept, points[kept], areas[kept], len(points), own.radius, own.why)
             key = side, tuple(float(x) for x in place), joint.radius
             found.add(index, joint.name, key, made, alone=joint in scene.joints)
@@ -73,18 +71,15 @@ def plate_stations(
     places, rows = [], []
     for key in alone:
         held = regions[key]
-        made = tip(held.points, held.areas)
-        if made is None:  # regions tell how they turn
-            raise NotImplementedError
-        place = np.array(key[1])
-        own = made[1] @ axes[2]
-        own[:3] += np.cross(own[3:], place - made[0], axis=0)  # of the joint's place
+        mean, moving = held.tip()
+        place, own = np.array(key[1]), moving @ axes[2]
+        own[:3] += np.cross(own[3:], place - mean, axis=0)  # of the joint's place
         places.append(place)
         rows.append(own @ basis[DOFS * held.numbers].toarray())
-    moving = np.array(rows)
+    every = np.array(rows)
     light = np.divide(1.0, weight, where=weight > 0.0, out=np.zeros_like(weight))
     found = Stations.along(
         tuple(alone.index(key) for key in keys), tuple(name for name, *_ in alone),
-        np.array(places), moving, light[:, None] * moving.reshape(-1, len(weight)).T, velocity,
+        np.array(places), every, light[:, None] * every.reshape(-1, len(weight)).T, velocity,
     )  # fmt: skip
     return replace(found, freedoms=int((weight > 0.0).sum()), given=(), axes=axes)

@@ -42,7 +42,8 @@ def region(
     points: Floats,
     faces: Integers,
     radius: float | None,
-    holds: Callable[[Booleans], bool],
+    weights: Floats,
+    free: Booleans,
     where: tuple[str, str],
 ) -> Region:
     """Nodes about the foot of a place on a surface.
@@ -56,12 +57,17 @@ def region(
         points: Nodes of the surface [m], (nodes, dim).
         faces: Corners of its lines or triangles, (faces, 2 or 3).
         radius: That of the scene [m].
-        holds: Whether some nodes (nodes,) tell where they are and how they turn.
+        weights: Of the nodes in the mean, (nodes,).
+        free: Which of them no support holds, (nodes,): others are in no region.
         where: Table of the joint and name of the side, for messages.
 
     Raises:
         KeyedError: Those within the radius do not.
     """
+
+    def holds(nodes: Booleans) -> bool:
+        return tip(points, weights * (nodes & free)) is not None
+
     corners = points[faces]
     shares = closest_shares(place[None], corners)
     nearest = int(distances(place[None], corners, shares)[1][0].argmin())
@@ -76,7 +82,7 @@ def region(
             text += "tell how they turn, or held by supports; give "
             text += f"{1.01 * least:.3g} or more, or finer elements." if least else "another place."
             raise KeyedError(table, "radius", text)
-        return Region(found, radius, "")
+        return Region(found & free, radius, "")
     if not least:
         text = f" = {show(side)}: its nodes that no support holds are too few to tell how it turns;"
         raise KeyedError(table, "between", text + " give finer elements, or another surface.")
@@ -89,7 +95,7 @@ def region(
     ):
         found = away <= within * _EDGE
         if within <= max(wide, least) and holds(found):
-            return Region(found, within, why)
+            return Region(found & free, within, why)
     raise AssertionError
 
 

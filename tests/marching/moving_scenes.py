@@ -232,16 +232,16 @@ def forget():
     impactfem.models.solids._parts.cache_clear()
 
 
-def check_ranks(made, monkeypatch, sizes=None):
+def check_ranks(made, monkeypatch, sizes=None, least=1.0):
     """Ranks that share a run and ranks that each do all of it have the same to 1e-10.
 
-    Of the largest value of a column and of 1, or of what ``sizes`` gives for it.
+    Of the largest value of a column and of ``least``, or of what ``sizes`` gives for it.
     """
     both = impactfem.solve(made())
     with alone(monkeypatch):
         one = impactfem.solve(made())
     for name, apart in differences(both, one).items():
-        size = (sizes or {}).get(name) or np.nanmax(np.abs(one.history[name]), initial=1.0)
+        size = (sizes or {}).get(name) or np.nanmax(np.abs(one.history[name]), initial=least)
         assert apart < 1e-10 * size, name
 
 
