@@ -84,17 +84,28 @@ def dropped(scene: "Scene", drop: Drop) -> dict[str, Any]:
         ]
     for probe in data.get("probe", ()):
         probe["point"] = move.point(probe["point"])
-    for index, joint in enumerate(data.get("joint", ())):
-        if "ground" in joint["between"]:
-            text = f" = {show(list(joint['between']))}: what is held does not fall; leave drop out."
-            raise KeyedError(f"joint[{index}]", "between", text)
-        for name in {"point", "points", "axis"} & {*joint}:
-            values = joint[name]
-            if name == "points":
-                joint[name] = [move.point(each) for each in values]
-            else:
-                joint[name] = move.point(values) if name == "point" else move.vector(values)
+    for heading in ("joint", "spring"):
+        for index, tables in enumerate(data.get(heading, ())):
+            _move_coupling(tables, move, f"{heading}[{index}]")
     return data
+
+
+def _move_coupling(tables: dict[str, Any], move: "_Move", where: str) -> None:
+    """Turn and move the tables of a joint or a spring.
+
+    Raises:
+        KeyedError: It holds the ground.
+    """
+    between = list(tables.get("between", ()))  # of a gear none
+    if "ground" in between:
+        text = f" = {show(between)}: what is held does not fall; leave drop out."
+        raise KeyedError(where, "between", text)
+    for name in {"point", "points", "axis", "second_axis"} & {*tables}:
+        values = tables[name]
+        if name == "points":
+            tables[name] = [move.point(each) for each in values]
+        else:
+            tables[name] = move.point(values) if name == "point" else move.vector(values)
 
 
 class _Move:

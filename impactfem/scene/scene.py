@@ -96,7 +96,7 @@ class Scene(Content):
         known = {entry.name for entry in fields(self)}
         for name in {*vars(self)} - known:  # cached of what was drawn
             del self.__dict__[name]
-        for name in ("bodies", "joints", "probes"):
+        for name in ("bodies", "joints", "springs", "probes"):
             object.__setattr__(self, name, getattr(placed, name))
         object.__setattr__(self, "drop", None)
         self.__dict__["_given"] = given

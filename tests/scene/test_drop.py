@@ -45,7 +45,9 @@ def test_a_box_on_its_corner_is_that_said_by_hand():
 def test_all_bodies_turn_together_with_probes_and_joints():
     joint = {"name": "rope", "kind": "fixed", "between": ["box", "ball"], "point": [0.25, 0.9]}
     probe = {"name": "edge", "body": "box", "point": [0.4, 0.5]}
-    found = scene(BOX, BALL, joint=[joint], probe=[probe],
+    spring = {"name": "band", "between": ["box", "ball"], "stiffness": 2.0,
+              "points": [[0.25, 0.6], [0.25, 0.9]]}  # fmt: skip
+    found = scene(BOX, BALL, joint=[joint], probe=[probe], spring=[spring],
                   drop={"height": 0.0, "orientation": {"angle": math.pi / 2}})  # fmt: skip
     box, ball = found.bodies
     # The middle of [0.1, 0.4] x [0.4, 1.0] is (0.25, 0.7): the box comes to its right.
@@ -54,6 +56,7 @@ def test_all_bodies_turn_together_with_probes_and_joints():
     assert box.center[1] == pytest.approx(-1.0 + 0.15)
     assert ball.position[1] == pytest.approx(-1.0 + 0.15)
     assert np.array(found.joints[0].point) - box.center == pytest.approx([-0.4, 0.0], abs=1e-12)
+    assert found.springs[0].points[1] == pytest.approx(found.joints[0].point, abs=1e-12)
     assert np.array(found.probes[0].point) - box.center == pytest.approx([0.0, 0.15], abs=1e-12)
 
 
@@ -114,6 +117,8 @@ def test_settings_change_the_drop_and_files_hold_what_came_of_it(tmp_path):
         ({"obstacle": [FLOOR | {"motion": ["0", "0.1*t"]}]}, "floor moves"),
         ({"joint": [{"name": "j", "kind": "revolute", "between": ["ground", "box"],
                      "point": [0.2, 0.5]}]}, "what is held does not fall"),
+        ({"spring": [{"between": ["ground", "box"], "stiffness": 3.0}]},
+         "what is held does not fall"),
         ({"body": [{"kind": "rod", "name": "rod", "mass": 1.0, "length": 0.6,
                     "center": [0.0, 0.5]}]}, "is a rod"),
     ],
