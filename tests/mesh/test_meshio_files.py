@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import h5py
@@ -80,6 +81,9 @@ GROUPS = {  # words of the two materials and the surface in files that keep them
     ".e": ("1", "2", "floor"), ".vtu": ("1", "2", "3"), ".vtk": ("1", "2", "3"),
     ".mesh": ("1", "2", "3"),
 }  # fmt: skip
+if find_spec("netCDF4") is None:  # as on Debian, whose meshio only suggests it
+    del GROUPS[".e"]
+ENDINGS = [ending for ending, kind in MESHIO.items() if kind != "exodus" or ".e" in GROUPS]
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +142,7 @@ def test_a_run_of_two_materials_is_that_of_the_msh_file(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", MESHIO)
+@pytest.mark.parametrize("ending", ENDINGS)
 def test_each_format_is_read_as_written_or_refused_and_broken_files_always(
     folder, tmp_path, ending
 ):

@@ -16,7 +16,7 @@ from trouble_process import DISC, DRAWN, SHORT, run, started, until
 from impactfem.errors import OutputError
 from impactfem.facade import Result
 from impactfem.result.claim import Claim
-from impactfem.result.store import CHECKPOINT, LAST, reserve, staged
+from impactfem.result.store import CHECKPOINT, LAST, PARTIAL, SPOOL, reserve, staged
 
 
 def limited(size):
@@ -91,7 +91,7 @@ def test_the_last_checkpoint_outlives_a_full_disk(tmp_path):
     arguments = ("run", "scene.toml", "--out", "o", "--quiet")
     done = run_limited(tmp_path, 300_000, *arguments)
     said(done, "File too large", "MiB are needed", "continue with: impactfem run --restart o")
-    assert set(contents(tmp_path / "o")) == {CHECKPOINT, ".fields.partial.vtkhdf"}
+    assert set(contents(tmp_path / "o")) == {CHECKPOINT, PARTIAL, SPOOL}
     code, _, err = run(tmp_path, "run", "--restart", "o", "--quiet")
     assert (code, err) == (0, "")
 
