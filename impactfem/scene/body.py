@@ -131,6 +131,11 @@ class BodyKind:
         return False
 
     @property
+    def is_round(self) -> bool:
+        """Whether something of it is round and turns, so that moments may resist its rolling."""
+        return self.rolls or self.has_links
+
+    @property
     def is_ball(self) -> bool:
         """Whether it is a ball, or a point."""
         return self.rolls

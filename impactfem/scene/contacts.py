@@ -112,13 +112,13 @@ class Contact:
     )
     rolling_resistance: float = key(
         Real(at_least=0),
-        "moment that resists rolling over the normal force (balls of kind rigid)",
+        "moment that resists rolling over the normal force (what is round of kind rigid, wheels of robots)",
         unit="m",
         default=0.0,
     )
     spinning_resistance: float = key(
         Real(at_least=0),
-        "the same about the normal (balls in space)",
+        "the same about the normal, in space",
         unit="m",
         default=0.0,
     )

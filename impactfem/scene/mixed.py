@@ -126,10 +126,10 @@ def _check_contact(scene: Content, contact: Contact, where: str, known: Mapping[
             _check_waves(body, contact, where, stiff=stiff)
     for law in ("rolling_resistance", "spinning_resistance"):
         value = getattr(contact, law)
-        if value and (not any(body.rolls for body in sides) or scene.dim + (law[0] == "r") < 3):
-            text = f" = {show(value)}: none of {' and '.join(contact.between)} is a ball that "
-            text += "turns so; remove it, or give a body of kind rigid that is a disc, in space a "
-            raise KeyedError(where, law, f"{text}sphere.")
+        if value and (not any(body.is_round for body in sides) or scene.dim + (law[0] == "r") < 3):
+            text = f" = {show(value)}: none of {' and '.join(contact.between)} is round and turns "
+            text += "so; remove it, or give a body of kind rigid that is a disc or capsule, in "
+            raise KeyedError(where, law, f"{text}space a sphere, capsule or cylinder.")
         names = {side_of(entry)[0] for entry in contact.between}
         turning = [o.name for o in scene.obstacles if o.name in names and o.rotation is not None]
         if value and turning:

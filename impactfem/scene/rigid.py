@@ -190,6 +190,11 @@ class RigidBody(BodyKind):
         return not self.has_corners
 
     @property
+    def is_round(self) -> bool:
+        """Whether it has balls, capsules or cylinders."""
+        return bool(self.form.radius.any() or self.form.rim.any())
+
+    @property
     def dents(self) -> bool:  # type: ignore[override]
         """Whether its contacts may have a stiffness: those of balls."""
         return self.rolls

@@ -99,6 +99,32 @@ def test_a_ball_that_rolls_is_braked_by_its_resistance(beside):
     assert last(result, "friction_work") == pytest.approx(-2.0 * _G * 2e-3 * 1.0, rel=0.2)
 
 
+_LYING = {"axis": [1.0, 0.0, 0.0], "angle": np.pi / 2.0}  # along z
+_CAN = {
+    "shape": {"kind": "cylinder", "radius": 0.1, "height": 0.3, "center": [0.0, -0.05, 0.0]},
+    "orientation": _LYING,
+}  # fmt: skip
+_CAPSULE = {
+    "shape": {
+        "kind": "capsule", "radius": 0.1, "length": 0.3, "center": [0.0, 0.1, 0.0],
+        "axis": [0.0, 0.0, 1.0],
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("body", "balls"), [(_CAN, 0.0), (_CAPSULE, 4.0 / 13.0)])
+def test_cylinders_and_capsules_that_roll_are_braked(body, balls):
+    """a = g r / (R (1 + k)), k = I / (m R^2): 1/2 of a cylinder, 2/5 of the ends of a capsule."""
+    moving = ball(velocity=[0.5, 0.0, 0.0], angular_velocity=[0.0, 0.0, -5.0]) | body
+    rough = law(rolling_resistance=2e-3)
+    result = impactfem.solve(scene([moving], rough, [0.0, -_G, 0.0], obstacles=[_GROUND]))
+    braked = _G * 2e-3 / (0.1 * (1.5 - 0.1 * balls))
+    assert last(result, "b.vx") == pytest.approx(0.5 - 0.2 * braked, abs=1e-12)
+    assert last(result, "b.wz") == pytest.approx(-10.0 * last(result, "b.vx"), abs=1e-11)
+    lost = np.ptp(result.history["total_energy"].values)
+    assert lost == pytest.approx(-last(result, "friction_work"), abs=1e-12)
+
+
 @alone_or_beside
 @pytest.mark.parametrize(("slope", "holds"), [(0.02 - 1e-6, True), (0.02 + 1e-6, False)])
 def test_a_disc_rests_on_a_slope_up_to_resistance_over_radius(slope, holds, beside):
@@ -177,8 +203,8 @@ def test_an_impact_reverses_slip_by_its_tangential_restitution(beside):
     ("body", "more", "message"),
     [
         (block(), {"static_friction_coefficient": 0.2}, "smaller than friction_coefficient"),
-        (block(), {"rolling_resistance": 1e-3}, "none of b and floor is a ball"),
-        (disc(), {"spinning_resistance": 1e-3}, "none of b and floor is a ball"),
+        (block(), {"rolling_resistance": 1e-3}, "none of b and floor is round"),
+        (disc(), {"spinning_resistance": 1e-3}, "none of b and floor is round"),
         (disc(), {"rolling_resistance": 1e-3, "friction_coefficient": 0.0}, "needs friction_coef"),
         (block(), {"restitution_law": "poisson"}, "not available with friction"),
         (block(), {"restitution_law": "other"}, "restitution_law"),
