@@ -112,7 +112,7 @@ class Contact:
     )
     rolling_resistance: float = key(
         Real(at_least=0),
-        "moment that resists rolling over the normal force (what is round of kind rigid, wheels of robots)",
+        "moment that resists rolling over the normal force (what is round of rigid and robots)",
         unit="m",
         default=0.0,
     )
