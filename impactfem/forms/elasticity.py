@@ -3,7 +3,9 @@
 Per unit of the reference measure ``weight`` dx, which is the thickness for plane models, 2 pi r for
 axisymmetric ones (x = r, y = axis; everything then holds for the whole circumference) and 1 in 3D:
 
-    rho u_tt - div sigma = b,   sigma = lambda tr(eps) I + 2 mu eps.
+    rho u_tt - div sigma = b,   sigma = lambda tr(eps) I + 2 mu eps,
+
+or sigma = C : eps with a stiffness of less symmetry, all directions of which are in C.
 
 Nearly incompressible bodies (`impactfem.scene.Solid.keeps_volume`) lock when every
 point of an element must keep its volume. Then only the mean dilatation of each element counts:
@@ -26,6 +28,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from impactfem.fem import ufl
+from impactfem.scene.orthotropic import PLACES
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ class ElasticForms:
         thickness: [m], of plane models.
         kept: 1 in cells that keep their volume in the mean, 0 in others, of bodies with both; None:
             all cells are alike.
+        whole: C [Pa] of bodies that are orthotropic somewhere, (6, 6) of xx, yy, zz, xy, yz, zx and
+            shears 2 eps_xy, in the plane its first four; None: lambda and mu say all.
     """
 
     space: Any
@@ -57,6 +62,7 @@ class ElasticForms:
     across: Any = 0.0
     thickness: Any = 1.0
     kept: Any = None
+    whole: Any = None
 
     @property
     def weight(self) -> Any:
@@ -80,6 +86,8 @@ class ElasticForms:
     def stiffness(self) -> Any:
         """Bilinear form of the stiffness."""
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        if self.whole is not None:
+            return self.measured(ufl.inner(self.stress(u), self.strain(v)))
         volumetric = self.first_lame * self.dilatation(u) * self.dilatation(v)
         return self.deviatoric_stiffness + volumetric * self.weight * self._dx(self._degree)
 
@@ -87,6 +95,10 @@ class ElasticForms:
     def deviatoric_stiffness(self) -> Any:
         """The stiffness without its lambda term, where the dilatation counts in the mean."""
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        if self.whole is not None:
+            meant = 0.0 if self.kept is None else self.kept * self.first_lame
+            density = ufl.inner(self.stress(u), self.strain(v))
+            return self.measured(density - meant * self.dilatation(u) * self.dilatation(v))
         density = 2.0 * self.shear_modulus * ufl.inner(self.strain(u), self.strain(v))
         if self.kept is not None:
             local = (1.0 - self.kept) * self.first_lame
@@ -145,6 +157,9 @@ class ElasticForms:
     def fields(self, displacement: Any) -> Mapping[str, Any]:
         """What can be shown of a state, scalars or 3 x 3 tensors: von Mises stress [Pa]."""
         strain = self.strain(displacement)
+        if self.whole is not None:
+            shear = ufl.dev(ufl.as_tensor(_in_space(_stress(self.whole, strain))))
+            return {"von_mises": ufl.sqrt(1.5 * ufl.inner(shear, shear))}
         trace = self.dilatation(displacement)
         # Squares of the full strain, whose direct component out of the plane needs its own term.
         squares = ufl.inner(strain, strain)
@@ -167,6 +182,12 @@ class ElasticForms:
         return ufl.as_tensor(
             ((strain[0, 0], strain[0, 1], 0.0), (strain[1, 0], strain[1, 1], 0.0), (0.0, 0.0, hoop))
         )
+
+    def stress(self, u: Any) -> Any:
+        """Stress tensor [Pa], of the size of the strain: C : eps."""
+        strain = self.strain(u)
+        size = int(strain.ufl_shape[0])
+        return ufl.as_tensor([row[:size] for row in _in_space(_stress(self.whole, strain))[:size]])
 
     def dilatation(self, u: Any) -> Any:
         """Trace of the strain; for plane stress of that in the plane."""
@@ -192,3 +213,20 @@ class ElasticForms:
 
     def _dx(self, degree: int) -> Any:
         return ufl.Measure("dx", self.space.mesh, metadata={"quadrature_degree": degree})
+
+
+def _stress(whole: Any, strain: Any) -> list[Any]:
+    """Components of C : eps [Pa], as many as C has rows."""
+    count = whole.ufl_shape[0]
+    given = [
+        (strain[i, j] + strain[j, i]) * (0.5 if i == j else 1.0)
+        if max(i, j) < strain.ufl_shape[0] else 0.0
+        for i, j in PLACES[:count]
+    ]  # fmt: skip
+    return [sum(whole[a, b] * given[b] for b in range(count)) for a in range(count)]
+
+
+def _in_space(components: list[Any]) -> list[list[Any]]:
+    """Rows of a symmetric tensor in space by its first four components, or by all six."""
+    xx, yy, zz, xy, yz, zx = (*components, 0.0, 0.0)[:6]
+    return [[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]

@@ -26,6 +26,8 @@ def offers(scene: Scene) -> dict[str, str]:
         "axisymmetric": _axisymmetric(scene),
         "plane_strain": _plane_strain(scene),
     }
+    if scene.solid.is_orthotropic:  # bars have one modulus, and axes may lie aslant
+        return {}
     if not any(found.values()):
         found["symmetry"] = _symmetry(scene)
     return {name: text for name, text in found.items() if text}

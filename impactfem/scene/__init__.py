@@ -23,6 +23,7 @@ from impactfem.scene.obstacles import (
     Wall,
 )
 from impactfem.scene.obstacles.rotation import Rotation
+from impactfem.scene.orthotropic import OrthotropicSolid
 from impactfem.scene.plate import Plate
 from impactfem.scene.plate_keys import EdgeSupport, FacePressure, Layer, Orthotropic
 from impactfem.scene.plate_outlines import (
@@ -74,6 +75,7 @@ __all__ = [
     "Objective",
     "Orientation",
     "Orthotropic",
+    "OrthotropicSolid",
     "Output",
     "Parameter",
     "PiecewiseConstant",

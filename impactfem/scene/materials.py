@@ -8,6 +8,7 @@ from impactfem.scene.boundary import SPACE
 from impactfem.scene.given import FormulaLike, Given, MaybeTable
 from impactfem.scene.inline import InlineTable
 from impactfem.scene.kinds import Choice, Real, RealOrFormula
+from impactfem.scene.orthotropic import OrthotropicSolid
 from impactfem.scene.schema import KeyedError, key, keys_of, table
 from impactfem.scene.viscoelastic import VISCOELASTIC, KelvinVoigt, Maxwell
 
@@ -38,6 +39,9 @@ class Material:
     )
     poisson_ratio: float | None = key(
         Real(above=-1, below=0.5), "Poisson's ratio", default=None, absent=_OF_BODY
+    )
+    orthotropic: MaybeTable[OrthotropicSolid] = key(
+        InlineTable((OrthotropicSolid,)), "moduli along three axes", default=None, absent=_OF_BODY
     )
     material: str | None = key(Choice(LAWS), "law of the material", default=None, absent=_OF_BODY)
     c10: float | None = key(
@@ -74,6 +78,10 @@ def solids_of(solid: "Solid") -> Mapping[str, "Solid"]:
         # Constants of the body that belong to another law are not meant for this one.
         mooney = own.get("material", solid.material) == "mooney_rivlin"
         left: dict[str, Any] = dict.fromkeys(_ELASTIC if mooney else _MOONEY)
+        if material.orthotropic is not None:
+            left = dict.fromkeys((*_ELASTIC, *_MOONEY)) | {"element": None}
+        elif set(own) & {*_ELASTIC, *_MOONEY, "material"}:
+            left["orthotropic"] = None
         if material.viscoelastic is not None:
             left["rayleigh_stiffness"] = 0.0  # that of the body is not meant either
         try:

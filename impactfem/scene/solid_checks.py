@@ -184,6 +184,9 @@ def _check_law(solid: "Solid") -> None:
                 text += 'or give strain = "finite".'
                 raise _fail(solid, f"pressures[{index}].follows", text)
         return
+    if solid.is_orthotropic:
+        text = ' is a law of small strains here: remove strain = "finite".'
+        raise _fail(solid, "orthotropic", text)
     if solid.model == "plane_stress":
         text = ' = "plane_stress" has no finite strain, whose thickness would follow at every '
         raise _fail(solid, "model", text + 'point: give "plane_strain" or "3d".')

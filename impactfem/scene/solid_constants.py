@@ -7,6 +7,7 @@ from impactfem.scene.schema import REQUIRED, KeyedError, keys_of
 from impactfem.scene.values import show
 
 if TYPE_CHECKING:
+    from impactfem.scene.orthotropic import OrthotropicSolid
     from impactfem.scene.solids import Solid
 
 _ELASTIC = ("youngs_modulus", "poisson_ratio")
@@ -22,6 +23,8 @@ def check_constants(solid: "Solid") -> dict[str, float]:
     """
     mooney = solid.material == "mooney_rivlin"
     wanted, other = (_MOONEY, ()) if mooney else (_ELASTIC, _MOONEY)
+    if solid.orthotropic is not None:
+        return _orthotropic(solid, solid.orthotropic)
     wanted = ("density", *wanted)
     for name in other:
         if getattr(solid, name) is not None:
@@ -33,6 +36,32 @@ def check_constants(solid: "Solid") -> dict[str, float]:
     if not mooney:
         return {}
     return _small_strains(solid)
+
+
+def _orthotropic(solid: "Solid", law: "OrthotropicSolid") -> dict[str, float]:
+    """The mean of an orthotropic material, by which steps and blows are foreseen.
+
+    Raises:
+        KeyedError: Other constants are given too, or some are missing.
+    """
+    if solid.material != "linear":
+        text = f" = {show(solid.material)} is alike in all directions, but orthotropic is given: "
+        raise KeyedError(solid.kind, "material", text + "remove one of them.")
+    try:
+        law.check_model(solid.model)
+    except KeyedError as error:
+        raise error.moved("").under("orthotropic", solid.kind) from None
+    if getattr(solid, "density") is None:  # noqa: B009  (once read it is there)
+        keys_of(type(solid))["density"].read(REQUIRED, solid.kind)
+    found = dict(zip(_ELASTIC, law.mean, strict=True))
+    for name in (*_ELASTIC, *_MOONEY, "element"):
+        given = getattr(solid, name)
+        if given not in {None, found.get(name), "standard"}:
+            shown = show(given.text if isinstance(given, Formula) else given)
+            raise KeyedError(
+                solid.kind, name, f" = {shown} does not go with orthotropic: remove one of them."
+            )
+    return found
 
 
 def _small_strains(solid: "Solid") -> dict[str, float]:

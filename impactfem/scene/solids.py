@@ -28,6 +28,7 @@ from impactfem.scene.inline import (
 from impactfem.scene.kinds import Choice, FilePath, Integer, Name, Real, RealOrFormula
 from impactfem.scene.materials import LAWS, Material, solids_of
 from impactfem.scene.mesh_files import MESH_FILES
+from impactfem.scene.orthotropic import OrthotropicSolid
 from impactfem.scene.probes import STRAINS
 from impactfem.scene.schema import key, table
 from impactfem.scene.shape import MODELS
@@ -48,6 +49,7 @@ STRAINS_OF = ("small", "finite")
 ELEMENTS = ("standard", "mean_dilatation")
 NEARLY_INCOMPRESSIBLE = 0.45
 """Poisson's ratio above which elements keep their volume in the mean only."""
+_IF_ELASTIC = 'required, but by materials, orthotropic or its constants for "mooney_rivlin"'
 _LAW_WORDS = {
     "linear": "elastic (St. Venant, Kirchhoff) under finite strain",
     "neo_hookean": "neo-Hookean under finite strain",
@@ -139,13 +141,19 @@ class Solid(BodyKind):
         "Young's modulus; a formula: of the undeformed body, each element has its mean",
         unit="Pa",
         default=None,
-        absent='required, but by materials or its constants for "mooney_rivlin"',
+        absent=_IF_ELASTIC,
     )
     poisson_ratio: Given[float, float | None] = key(
         Real(above=-1, below=0.5),
         "Poisson's ratio",
         default=None,
-        absent='required, but by materials or its constants for "mooney_rivlin"',
+        absent=_IF_ELASTIC,
+    )
+    orthotropic: MaybeTable[OrthotropicSolid] = key(
+        InlineTable((OrthotropicSolid,)),
+        "moduli along three axes instead of youngs_modulus and poisson_ratio",
+        default=None,
+        absent="none: alike in all directions",
     )
     materials: Given[Mapping[str, Material], Mapping[str, Material | Mapping[str, Any]]] = key(
         TablesByName(Material),
@@ -308,6 +316,11 @@ class Solid(BodyKind):
         return not (self.materials or varying)
 
     @property
+    def is_orthotropic(self) -> bool:
+        """Whether one of its materials is."""
+        return any(each.orthotropic for each in (self.of_groups or {"": self}).values())
+
+    @property
     def largest_ratio(self) -> float:
         """Largest of Poisson's ratios of its materials."""
         each = (self.of_groups or {"": self}).values()
@@ -343,7 +356,7 @@ class Solid(BodyKind):
     @property
     def keeps_volume(self) -> bool:
         """Whether its elements keep their volume in the mean only: it is nearly incompressible."""
-        if self.model == "plane_stress":  # it gives way across
+        if self.model == "plane_stress" or self.orthotropic:  # it gives way across
             return False
         if self.materials:
             return any(each.keeps_volume for each in self.of_groups.values())
@@ -361,7 +374,8 @@ class Solid(BodyKind):
     @property
     def derived(self) -> tuple[str, ...]:
         """Keys that follow from others: scene files leave them out."""
-        found = ("youngs_modulus", "poisson_ratio") if self.material == "mooney_rivlin" else ()
+        by_others = self.orthotropic or self.material == "mooney_rivlin"
+        found = ("youngs_modulus", "poisson_ratio") if by_others else ()
         retarded = isinstance(self.viscoelastic, KelvinVoigt)
         return (*found, "rayleigh_stiffness") if retarded else found
 
@@ -371,7 +385,8 @@ class Solid(BodyKind):
         law = self.viscoelastic
         if not isinstance(law, Maxwell):
             return ()
-        return tuple((term.modulus / self.youngs_modulus, term.time) for term in law.terms)
+        modulus = self.orthotropic.e1 if self.orthotropic else self.youngs_modulus
+        return tuple((term.modulus / modulus, term.time) for term in law.terms)
 
     @property
     def retardation(self) -> float:
@@ -387,11 +402,12 @@ class Solid(BodyKind):
     @property
     def law_in_words(self) -> str:
         """Name of its law."""
-        return _LAW_WORDS[self.law] if self.is_finite else "linear elastic"
+        law = _LAW_WORDS[self.law] if self.is_finite else "linear elastic"
+        return "orthotropic, " * bool(self.orthotropic) + law
 
     @property
     def shear_modulus(self) -> float:
-        """Mu = E / (2 (1 + nu)) [Pa]."""
+        """Mu = E / (2 (1 + nu)) [Pa]; of orthotropic bodies that of the mean of all directions."""
         return self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
 
     @property
@@ -404,7 +420,9 @@ class Solid(BodyKind):
     def p_wave_speed(self) -> float:
         """Speed [m/s] of the fastest waves: sqrt((lambda + 2 mu) / rho), in plane stress less."""
         nu = self.poisson_ratio
-        if self.model == "plane_stress":
+        if self.orthotropic:
+            modulus, _ = self.orthotropic.wave_moduli(self.model)
+        elif self.model == "plane_stress":
             modulus = self.youngs_modulus / ((1.0 - nu) * (1.0 + nu))
         else:
             modulus = self.lame + 2.0 * self.shear_modulus
@@ -412,8 +430,11 @@ class Solid(BodyKind):
 
     @property
     def s_wave_speed(self) -> float:
-        """Speed [m/s] of shear waves, sqrt(mu / rho)."""
-        return math.sqrt(self._at_once * self.shear_modulus / self.density)
+        """Speed [m/s] of shear waves, sqrt(mu / rho); of orthotropic bodies of the slowest."""
+        modulus = self.shear_modulus
+        if self.orthotropic:
+            _, modulus = self.orthotropic.wave_moduli(self.model)
+        return math.sqrt(self._at_once * modulus / self.density)
 
     @property
     def surface_names(self) -> tuple[str, ...] | None:

@@ -10,6 +10,7 @@ from impactfem import fem
 from impactfem.arrays import Floats, Integers
 from impactfem.fem import dolfinx_fem
 from impactfem.forms.finite_strain import LAWS, Moduli
+from impactfem.scene.orthotropic import PLACES
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.materials import CellMaterials, materials_of
 from impactfem.system.true_stress import TrueStress
@@ -206,6 +207,8 @@ def _stress(
         lame = 2.0 * lame * shear / (lame + 2.0 * shear)
     slopes, hoop = _strains(cell, x, at, axisymmetric=axisymmetric)
     trace = slopes + hoop
+    if len(made.whole) and not made.keeps:
+        return _whole_stress(made.whole, slopes, hoop, flat=flat)
     if made.keeps and not (cell.is_simplex and cell.degree == 1):
         trace = _mean_trace(cell, x, axisymmetric=axisymmetric)
     found = {}
@@ -216,6 +219,22 @@ def _stress(
         found[f"s{'xyz'[i]}{'xyz'[j]}"] = part + (lame * trace if i == j else 0.0)
     if dim == 2 and not flat:
         found["szz"] = lame * trace + 2.0 * shear * hoop
+    return found
+
+
+def _whole_stress(whole: Floats, slopes: Floats, hoop: Floats, *, flat: bool) -> dict[str, Floats]:
+    """The same of a stiffness that is orthotropic."""
+    dim, count = slopes.shape[1], len(whole)
+    strains = np.zeros((count, *slopes.shape))
+    for row, (i, j) in enumerate(PLACES[:count]):
+        if max(i, j) < dim:
+            strains[row, :, i] += slopes[:, j]
+            strains[row, :, j] += slopes[:, i] * (i != j)
+    strains[2] += hoop
+    found = dict(zip(("sxx", "syy", "szz", "sxy", "syz", "sxz"), np.tensordot(whole, strains, 1),
+                     strict=False))  # fmt: skip
+    if flat:
+        del found["szz"]
     return found
 
 

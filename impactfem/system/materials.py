@@ -5,7 +5,7 @@ degree 2 then see a material that varies in steps, to second order in the size o
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from impactfem.arrays import Booleans, Floats
 from impactfem.errors import SceneError
 from impactfem.fem import MPI, dolfinx_fem
 from impactfem.scene.formula import Formula
+from impactfem.scene.orthotropic import seen_by
 from impactfem.system.nodes import Nodes
 
 _DEGREE = 4  # of formulas that means in cells are exact for
@@ -34,6 +35,9 @@ class CellMaterials:
         linear: Whether the law is linear.
         keeps: Whether the volume is kept in the mean of the cell only.
         damped: Time of retardation as a share of the longest of the body.
+        stiffest: Density times the square of the speed of the fastest waves [Pa].
+        whole: Stress by strain [Pa], (cells, n, n), as `OrthotropicSolid.of_model` of bodies that
+            are orthotropic somewhere; of others (cells, 0, 0).
     """
 
     density: Floats
@@ -43,6 +47,8 @@ class CellMaterials:
     linear: Booleans
     keeps: Booleans
     damped: Floats
+    stiffest: Floats
+    whole: Floats
 
     @property
     def shear(self) -> Floats:
@@ -84,7 +90,8 @@ def materials_of(nodes: Nodes, solid: Any) -> CellMaterials:
             solid.density, solid.youngs_modulus, solid.poisson_ratio, solid.c01 or 0.0,
             solid.material == "linear", solid.keeps_volume, 1.0,
         )  # fmt: skip
-        return CellMaterials(*(np.broadcast_to(value, count) for value in values))
+        found = [np.broadcast_to(value, count) for value in values]
+        return _with_waves(found, solid, {"": slice(None)})
     means = _Means(nodes)
     groups = nodes.groups if solid.materials else {"": np.arange(count, dtype=np.int32)}
     found = [np.zeros(count) for _ in range(4)] + [np.zeros(count, dtype=bool) for _ in range(2)]
@@ -104,8 +111,32 @@ def materials_of(nodes: Nodes, solid: Any) -> CellMaterials:
             column[own] = value
         damped[own] = one.rayleigh_stiffness / longest if longest else 1.0
     fem.raise_together(nodes.comm, error)
-    found.append(damped)
-    return CellMaterials(*found)
+    return _with_waves([*found, damped], solid, groups)
+
+
+def _with_waves(found: list[Any], solid: Any, groups: Mapping[str, Any]) -> CellMaterials:
+    """Constants with what follows from them, and the stiffness of orthotropic bodies."""
+    made = CellMaterials(*(*found, np.zeros(0), np.zeros((len(found[0]), 0, 0))))
+    stiffest = _pressing(made, solid.model)
+    if not solid.is_orthotropic:
+        return replace(made, stiffest=stiffest)
+    whole = np.zeros((len(stiffest), 6, 6))
+    whole[:, :3, :3] = made.lame[:, None, None]
+    for i in range(3):
+        whole[:, i, i] += 2.0 * made.shear
+        whole[:, i + 3, i + 3] = made.shear
+    for name, own in groups.items():
+        law = (solid.of_groups[name] if name else solid).orthotropic
+        if law is not None:
+            whole[own], stiffest[own] = law.stiffness, law.wave_moduli(solid.model)[0]
+    return replace(made, stiffest=stiffest, whole=seen_by(whole, solid.model))
+
+
+def _pressing(made: CellMaterials, model: str) -> Floats:
+    """Modulus of waves of pressure in bodies that are alike in all directions [Pa]."""
+    if model == "plane_stress":
+        return made.modulus / ((1 - made.ratio) * (1 + made.ratio))
+    return made.lame + 2.0 * made.shear
 
 
 class _Means:
@@ -145,17 +176,15 @@ class _Means:
 
 
 def constants_of(nodes: Nodes, solid: Any) -> Callable[[Any], Any]:
-    """What makes UFL coefficients of numbers, or of values of all cells."""
+    """What makes UFL coefficients of values of all cells, (cells, ...)."""
     if solid.is_uniform:
-        return lambda values: dolfinx_fem.Constant(
-            nodes.space.mesh, float(values[0]) if np.ndim(values) else float(values)
-        )
-    space = dolfinx_fem.functionspace(nodes.space.mesh, ("Discontinuous Lagrange", 0))
-    places = np.ravel(space.dofmap.list)
+        return lambda values: dolfinx_fem.Constant(nodes.space.mesh, np.array(values[0]))
 
     def function(values: Floats) -> Any:
-        made = dolfinx_fem.Function(space)
-        made.x.array[places] = values
+        element = ("Discontinuous Lagrange", 0, *[values.shape[1:]] * (values.ndim > 1))
+        made = dolfinx_fem.Function(dolfinx_fem.functionspace(nodes.space.mesh, element))
+        places = np.ravel(made.function_space.dofmap.list)
+        made.x.array.reshape(len(values), -1)[places] = values.reshape(len(values), -1)
         return made
 
     return function
@@ -188,9 +217,7 @@ def stand_ins(nodes: Nodes, solid: Any) -> StandIns:
     edges = np.linalg.norm(corners[:, first] - corners[:, second], axis=2).min(
         axis=1, initial=np.inf
     )
-    flat, nu = solid.model == "plane_stress", each.ratio
-    stiff = each.modulus / ((1 - nu) * (1 + nu)) if flat else each.lame + 2.0 * each.shear
-    speed = np.sqrt(stiff / each.density)
+    speed = np.sqrt(each.stiffest / each.density)
     # Pressure in cells that keep their volume is levelled out by waves that steps do not follow.
     leading = np.where(each.keeps, np.sqrt(each.shear / each.density), speed)
 
@@ -199,7 +226,9 @@ def stand_ins(nodes: Nodes, solid: Any) -> StandIns:
         best = int(np.argmin(keys)) if own else 0
         mine = None
         if own:
-            numbers = keys[best], each.density[best], each.modulus[best], each.ratio[best]
+            # Of orthotropic cells waves count.
+            modulus = each.modulus[best] * (each.stiffest / _pressing(each, solid.model))[best]
+            numbers = keys[best], each.density[best], modulus, each.ratio[best]
             mine = (*(float(f"{value:.9g}") for value in numbers), bool(each.linear[best]))
         _, density, modulus, ratio, linear = min(told for told in comm.allgather(mine) if told)
         law = "linear" if linear else "neo_hookean"
@@ -207,7 +236,7 @@ def stand_ins(nodes: Nodes, solid: Any) -> StandIns:
             solid, materials={}, density=density, youngs_modulus=modulus, poisson_ratio=ratio,
             rayleigh_stiffness=solid.retardation,
             viscoelastic=solid.viscoelastic if solid.relaxing else None,
-            material=law, c10=None, c01=None, bulk_modulus=None,
+            orthotropic=None, material=law, c10=None, c01=None, bulk_modulus=None,
             strain="finite" if solid.is_finite else "small",
         )  # fmt: skip
 

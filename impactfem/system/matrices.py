@@ -68,6 +68,7 @@ def body_forms(nodes: Nodes, solid: Any) -> ElasticForms:
         across=made(-nu / (1.0 - nu)),
         thickness=dolfinx_fem.Constant(nodes.space.mesh, float(solid.thickness)),
         kept=made(np.where(material.keeps, 1.0, 0.0)) if several else None,
+        whole=made(material.whole) if solid.is_orthotropic else None,
     )
 
 

@@ -62,6 +62,7 @@ TABLES = {
     "place = { ... }": language.Place,
     "soft = { ... }": language.Soft,
     "materials = { NAME = { ... } }": language.Material,
+    "orthotropic = { e1 = ..., e3 = ... }": language.OrthotropicSolid,
     "orthotropic = { e1 = ... }": language.Orthotropic,
     "layers = [{ thickness = ... }]": language.Layer,
     "minimise = [{ ... }]": language.Term,

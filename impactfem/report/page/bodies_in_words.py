@@ -106,17 +106,26 @@ def _solid(scene: Scene, solid: Any) -> str:
     text = f"{shape}, {_MODELS[solid.model]}{thick}. {_state(scene, solid)}"
     for group, one in (solid.of_groups or {"": solid}).items():
         law = f"{group}: {one.law_in_words}" if group else one.law_in_words
-        text += (
-            f" {law[0].upper()}{law[1:]}: Young's modulus {_property(one, 'youngs_modulus', 'Pa')},"
-            f" Poisson's ratio {number(one.poisson_ratio)}, density "
-            f"{_property(one, 'density', 'kg/m³')}"
-        )
+        text += f" {law[0].upper()}{law[1:]}: {_constants(one)}, density "
+        text += _property(one, "density", "kg/m³")
         speed = one.is_uniform and quantity(one.p_wave_speed, "m/s")
         text += f"; its fastest waves run at {speed}." if speed else "."
     if solid.mass is not None and solid.shape is not None:
         parts = 2 ** len(solid.shape.symmetry)
         text += f" Its mass is {quantity(parts * solid.mass, 'kg')}."
     return text + _boundary(solid) + _damping(solid)
+
+
+def _constants(solid: Any) -> str:
+    """Moduli of a material."""
+    law = solid.orthotropic
+    if law is None:
+        modulus = _property(solid, "youngs_modulus", "Pa")
+        return f"Young's modulus {modulus}, Poisson's ratio {number(solid.poisson_ratio)}"
+    along = [law.e1, law.e2] + [law.e3] * (law.e3 is not None)
+    moduli = ", ".join(quantity(value, "Pa") for value in along)
+    turned = f", axis 1 at {quantity(law.angle, 'rad')} from x" * (law.angle != 0.0)
+    return f"Young's moduli {moduli} along axes 1, 2, 3{turned}"
 
 
 def _block(shape: Any, *, flat: bool, revolved: bool) -> str:  # noqa: ARG001
