@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from impactfem.facade import Result
     from impactfem.inverse import gradient, identify, optimise
     from impactfem.planning import Plan, plan
+    from impactfem.reading.live import LiveMesh
     from impactfem.result.compare import compare
     from impactfem.scene import (
         Bar,
@@ -68,6 +69,7 @@ _HOMES = {
     "ImpactError": "impactfem.errors",
     "ImpactWarning": "impactfem.errors",
     "Joint": "impactfem.scene",
+    "LiveMesh": "impactfem.reading.live",
     "Mechanism": "impactfem.scene",
     "Output": "impactfem.scene",
     "Plan": "impactfem.planning",
@@ -132,6 +134,7 @@ __all__ = [
     "ImpactError",
     "ImpactWarning",
     "Joint",
+    "LiveMesh",
     "Mechanism",
     "Output",
     "Plan",

@@ -135,6 +135,7 @@ def write_identified(found: Identified, folder: Path, run: dict[str, Any]) -> No
     """
     title, picture = f"Identified: {found.scene.title}", identified_picture(found)
     _write(folder, _answer(found, title, identified_rows(found), picture, folder, run))
+    found.scene.keep_meshes(folder)
     write_png(picture, folder / "identified.png")
 
 
@@ -162,6 +163,7 @@ def write_optimised(found: Optimised, folder: Path, run: dict[str, Any]) -> None
         lines += [",".join(f"{x:.17g}" for x in row) for row in zip(*columns, strict=True)]
         texts[name] = "\n".join(lines) + "\n"
     _write(folder, texts)
+    found.scene.keep_meshes(folder)
     write_png(picture, folder / "optimised.png")
 
 

@@ -52,7 +52,8 @@ def off_straight(kind):
     name, _, order, count, local, corners = mesh.getElementProperties(kind)
     if order == 1:
         return 0.0
-    first = mesh.getElementType(name.split()[0], 1)
+    family = name.split()[0].replace("Quadrilateral", "Quadrangle")  # Gmsh has two words
+    first = mesh.getElementType(family, 1)
     places = np.zeros((count, 3))
     places[:, :dim] = np.reshape(local, (count, dim))
     _, values, _ = mesh.getBasisFunctions(first, places.ravel(), "Lagrange")

@@ -4,6 +4,7 @@ import zipfile
 from pathlib import Path
 
 from impactfem.errors import FolderError
+from impactfem.reading.live import is_copy
 from impactfem.result.store import CHECKPOINT, PARTIAL, names_of_results
 
 _MOST = 3  # names that a message lists
@@ -33,7 +34,7 @@ def check_free(folder: Path, scene: Path | None = None) -> None:
         return
     ours = names_of_results(folder)
     if _is_checkpoint(folder / CHECKPOINT):
-        ours |= {CHECKPOINT, PARTIAL}
+        ours |= {CHECKPOINT, PARTIAL, *filter(is_copy, names)}
     if strange := sorted(names - ours):
         more = [f"{len(strange) - _MOST} more"] if len(strange) > _MOST else []
         shown = ", ".join(strange[:_MOST] + more)

@@ -104,6 +104,7 @@ class Record:
         """
         with staged(folder) as stage:
             (stage / "scene.toml").write_text(self.scene.to_toml(folder=folder), encoding="utf-8")
+            self.scene.keep_meshes(stage)
             write_csv(self.rows, stage / "history.csv")
             write_netcdf(self.rows, stage / "history.nc")
             if self.exact_rows is not None:

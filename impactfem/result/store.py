@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from impactfem.errors import OutputError
+from impactfem.reading.live import is_copy
 from impactfem.signals import InterruptedRunError, held_back
 
 LAST = "summary.json"
@@ -339,7 +340,8 @@ def _put_in_place(stage: Path, folder: Path, *, complete: bool) -> None:
         stage.rename(folder)
         return
     there = {path.name for path in stage.iterdir()}
-    stale = [name for name in _OWN if name not in there] if complete else []
+    copies = filter(is_copy, listed(summary_in(folder) or {}))
+    stale = [name for name in (*_OWN, *copies) if name not in there] if complete else []
     (stage / _STALE).write_text("\n".join([LAST, *stale] if complete else []), encoding="utf-8")
     _flush(stage / _STALE)
     # From here on the result is whole, and `finish` goes on if this process is killed.
@@ -358,7 +360,7 @@ def _move_in(stage: Path, folder: Path) -> None:
     entries = {path.name: path for path in stage.iterdir() if path.name != _STALE}
     if LAST in entries or LAST not in names:  # else all are in, and the summary is the new one
         for name in names:
-            if name in {LAST, *_OWN}:  # whatever a stranger may have written there
+            if name in {LAST, *_OWN} or is_copy(name):  # whatever a stranger may have written there
                 _remove(folder / name)
     for name in sorted(entries, key=lambda name: (name == LAST, name)):
         _remove(folder / name, keep_file=entries[name].is_file())

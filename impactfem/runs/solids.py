@@ -14,6 +14,7 @@ import numpy as np
 
 from impactfem.errors import ConvergenceError
 from impactfem.extensions import needed
+from impactfem.fem import on_root
 from impactfem.log import Progress
 from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
@@ -224,6 +225,8 @@ def _march(
         seen.restore(start)
         kept = int(start["fields"])
     writer = None if saved.folder is None else checkpoints(saved.folder)
+    if saved.folder is not None:
+        on_root(comm, partial(scene.keep_meshes, saved.folder))
     if writer is not None and saved.restart is None:
         writer.forget()
     output = None

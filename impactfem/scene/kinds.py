@@ -1,5 +1,6 @@
 """Kinds of values in a scene: what is allowed, how it is stored, and how it is written back."""
 
+import os
 import re
 import unicodedata
 from abc import ABC, abstractmethod
@@ -10,7 +11,8 @@ from typing import Any, ClassVar, override
 
 import numpy as np
 
-from impactfem.errors import plain
+from impactfem.errors import MeshError, plain
+from impactfem.reading.live import LiveMesh, is_live
 from impactfem.scene.formula import Formula
 from impactfem.scene.grammar import FormulaError
 from impactfem.scene.nearest import nearest
@@ -161,6 +163,11 @@ class FilePath(FolderPath):
 
     @override
     def read(self, value: object) -> str:
+        if ".msh" in self.endings and (isinstance(value, LiveMesh) or is_live(value)):
+            try:
+                value = os.fspath(value if isinstance(value, LiveMesh) else LiveMesh(value))
+            except (MeshError, OSError) as error:
+                raise NotAllowedError(f"of this mesh of DOLFINx: {error}") from None
         path = super().read(value)
         if not path.lower().endswith(self.endings):
             raise NotAllowedError(f"its name does not end in {self._endings}")

@@ -9,6 +9,7 @@ from typing import Any, Self
 
 from impactfem.errors import SceneError
 from impactfem.extensions import load_installed
+from impactfem.reading.live import is_kept, keep
 from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, MAX_SPRINGS, Content
@@ -292,7 +293,9 @@ class Scene(Content):
         for home in (*data["body"], *data["obstacle"], *data.get("measure", []), data["solve"]):
             for name in ("mesh", "file", "data", "result"):
                 given = home.get(name)
-                if folder is not None and given and not Path(given).is_absolute():
+                if folder is not None and given and is_kept(given):
+                    home[name] = Path(given).name  # a copy is kept there
+                elif folder is not None and given and not Path(given).is_absolute():
                     there, target = _absolute(Path(self.folder or "", given)), _absolute(folder)
                     inside = there.is_relative_to(target)
                     home[name] = str(there.relative_to(target) if inside else there)
@@ -323,6 +326,17 @@ class Scene(Content):
             units = {entry.name: entry.unit for entry in keys_of(cls).values()}
             texts.append(write_table(heading, content, units))
         return "\n".join(texts)
+
+    def keep_meshes(self, folder: Path) -> None:
+        """Copy meshes that a program held to where `to_toml` says that they lie.
+
+        Raises:
+            OutputError: There is no room.
+        """
+        for home in (*self.bodies, *self.obstacles, self.solve):
+            path = getattr(home, "mesh", None)
+            if path and is_kept(path):
+                keep(path, folder)
 
     def with_settings(self, settings: Mapping[str, Any] | Sequence[str]) -> Self:
         """Return a scene with some keys changed.
