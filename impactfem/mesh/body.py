@@ -147,6 +147,7 @@ def _made(solid: Any, degree: int, folder: Path) -> tuple[RawMesh, float]:
         raw = read_body(
             path, solid.model, degree, mesh_size=solid.mesh_size, refine=solid.refine,
             cells=solid.cells, used=_used(solid), materials=solid.materials,
+            part=solid.part,
         )  # fmt: skip
         check_names(raw.surfaces, _used(solid), where)
     elif solid.cells == "hexahedron":

@@ -24,7 +24,8 @@ from impactfem.mesh.raw import (
 from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.sizes import ball_field, options
 from impactfem.reading.holdings import Holdings
-from impactfem.reading.opening import MESHIO, Job, opened
+from impactfem.reading.opening import MESHIO, STEP, Job, opened
+from impactfem.scene.values import show
 
 _ENDINGS = (".geo", ".msh", ".step", ".stp", *MESHIO)
 _MILLIMETRE = 1e-3  # in m: OpenCASCADE's tolerances are made for lengths in mm
@@ -39,13 +40,14 @@ _OFF_PLANE = 1e-9  # share of the extent by which a node may miss z = 0, or r = 
 def read_body(
     path: Path, model: str, degree: int, *, mesh_size: float | None = None,
     refine: Sequence[Any] = (), cells: str = "simplex", used: Collection[str] = (),
-    materials: Collection[str] = (),
+    materials: Collection[str] = (), part: str | None = None,
 ) -> RawMesh:  # fmt: skip
     """Read the mesh of a body, or mesh the geometry in a file, on this rank.
 
     The physical names of the boundary are its surfaces; boundary without a name is allowed. If the
     file has physical groups of elements, elements outside them are left out. Faces of a STEP file
-    have their labels as names, or `face_1`, `face_2` and so on as Gmsh numbers them.
+    have their labels as names, or `face_1`, `face_2` and so on as Gmsh counts them; parts that
+    touch share faces.
 
     Args:
         path: ``.msh``, ``.geo`` (runs no commands beyond geometry), ``.step``, or one of meshio.
@@ -56,12 +58,13 @@ def read_body(
         cells: "hexahedron" asks Gmsh to recombine geometry to be meshed.
         used: Surfaces that the body uses: they must lie on the boundary.
         materials: Names of the groups of elements, if each has its own material.
+        part: Part of a STEP file, by the name of itself or of the assembly it is in; None for all.
 
     Raises:
         MeshError: The file cannot be read or holds no mesh that fits.
     """
     dim = 3 if model == "3d" else 2
-    step = path.suffix.lower() in {".step", ".stp"}
+    step = path.suffix.lower() in STEP
     unit = _MILLIMETRE if step else 1.0
     if refine and mesh_size is None:
         raise MeshError(f"mesh file {path}: refine needs mesh_size, the size outside; give it")
@@ -75,10 +78,11 @@ def read_body(
         options=_options(dim, mesh_size, refine, unit, hexahedra=cells == "hexahedron"),
         balls=tuple(ball_field(ball, mesh_size or 0.0, unit) for ball in refine),
         unit=unit,
+        part=part,
     )
     with opened(path, job) as found, gmsh_session(f"mesh file {path}") as gmsh:
         gmsh.merge(str(found.path))
-        reader = _Reader(gmsh, path, model, dim, found.holdings)
+        reader = _Reader(gmsh, path, model, dim, found.holdings, found.unit)
         reader.check_kept(degree)
         reader.check_materials(materials)
         raw = reader.mesh(used, materials)
@@ -140,6 +144,7 @@ class _Reader:
     model: str
     dim: int
     holdings: Holdings
+    unit: str = ""
 
     def fault(self, text: str) -> MeshError:
         """An error about the file."""
@@ -169,8 +174,9 @@ class _Reader:
         if not named:
             if len(parts) > 1:
                 entries = ", ".join(f"{part.name} = {{ ... }}" for part in parts)
+                one = f"take one by body.part = {show(parts[0].name)}, " * bool(self.unit)
                 raise self.fault(
-                    f"holds {found}, and the body says one material for all: give each one by "
+                    f"holds {found}, and the body says one material for all: {one}give each one by "
                     f"body.materials = {{ {entries} }}, put all elements of the body into one "
                     f'physical group (Physical {what}("body") = {{...}}), or make each group a '
                     "body with a file of its own"
@@ -238,7 +244,8 @@ class _Reader:
                 f"its geometry is of order {holdings.order}, but straight: read as {raw.degree}"
             )
         left = "".join(f"; {text}" for text in unused)
-        text = f"{self.path.name}: {holdings.told(uses)}{left}"
+        unit = f"; its unit of length: {self.unit}" * bool(self.unit)
+        text = f"{self.path.name}: {holdings.told(uses)}{left}{unit}"
         return Source(text, tuple(unused), holdings.is_curved)
 
     def _body_entities(self) -> list[int]:

@@ -12,6 +12,9 @@ from impactfem.errors import MissingDependencyError
 MISSING = 3
 """Exit code of a process whose library is not installed; it says which."""
 
+TOLD = 4
+"""Exit code of a process that says what is wrong and what to do."""
+
 _SECONDS, _SECONDS_PER_MIB = 20, 60
 _BYTES, _BYTES_PER_BYTE = 2**32, 50
 # Set by MPI launchers; a library that saw them would take itself for a rank.
@@ -94,6 +97,8 @@ def apart(program: str, arguments: Sequence[str], size: int, name: str) -> None:
     said = done.stderr.decode(errors="replace").strip().splitlines() or ["nothing"]
     if done.returncode == MISSING:
         raise MissingDependencyError(said[-1])
+    if done.returncode == TOLD:
+        raise ApartError(said[-1])
     if done.returncode > 0:
         said = [
             line.removeprefix("Error:").strip() for line in said if line[:6] == "Error:"

@@ -23,12 +23,47 @@ gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
 gmsh.logger.start()
 errors = []
 
-def label():
+def choose():
+    # The parts of an assembly that are meant; those that touch share their faces.
+    paths = {}
+    for entity, tag in gmsh.model.getEntities(dim):
+        name = gmsh.model.getEntityName(entity, tag)
+        paths[tag] = tuple(name.split("/")) if name else (f"part_{tag}",)
+    asked = tuple((job["part"] or "").split("/"))
+    count = len(asked)
+
+    def within(path):
+        return any(path[k : k + count] == asked for k in range(len(path)))
+
+    def told(path):
+        others = [other for other in paths.values() if other is not path]
+        tails = (path[k:] for k in range(len(path) - 1, -1, -1))
+        alone = (t for t in tails if not any(o[-len(t):] == t for o in others))
+        return "/".join(next(alone, path))
+
+    found = [tag for tag, path in paths.items() if not job["part"] or within(path)]
+    if not found:
+        names = [told(path) for path in paths.values()]
+        more = f" and {len(names) - 30} more" if len(names) > 30 else ""
+        print(
+            f"it has no part {job['part']!r}, it has {', '.join(map(repr, names[:30]))}{more}; "
+            "give one of these, or the name of an assembly among them", file=sys.stderr
+        )
+        sys.exit(4)
+    if others := [(dim, tag) for tag in paths if tag not in found]:
+        gmsh.model.occ.remove(others, recursive=True)
+    if len(found) > 1:
+        gmsh.model.occ.fragment([(dim, found[0])], [(dim, tag) for tag in found[1:]])
+    gmsh.model.occ.synchronize()
+    return len(paths)
+
+def label(parts):
     for side in (dim, dim - 1):
         named = {}
-        for entity, tag in gmsh.model.getEntities(side):
+        for number, (entity, tag) in enumerate(gmsh.model.getEntities(side), 1):
             name = gmsh.model.getEntityName(entity, tag).split("/")[-1]
-            fallback = "body" if side == dim else ("edge_", "face_")[side - 1] + str(tag)
+            plain = "body" if parts == 1 else f"part_{tag}"
+            fallback = plain if side == dim else ("edge_", "face_")[side - 1] + str(number)
             named.setdefault(name or fallback, []).append(tag)
         for name, tags in named.items():
             gmsh.model.addPhysicalGroup(side, tags, name=name)
@@ -112,7 +147,7 @@ try:
     step = source.endswith((".step", ".stp"))
     meshed = step or source.endswith(".geo")
     if step:
-        label()
+        label(choose())
     if meshed:
         box = gmsh.model.getBoundingBox(-1, -1)
         extent = max(b - a for a, b in zip(box[:3], box[3:]))

@@ -34,6 +34,9 @@ MESHIO: Mapping[str, str] = MappingProxyType({
 })  # fmt: skip
 """Endings of the meshes that meshio reads, and its words for their formats."""
 
+STEP = (".step", ".stp")
+"""Endings of STEP files."""
+
 _MOST_ALONG = 1e5  # elements along a body's largest extent; their square would fill any memory
 
 # Gmsh's script language can start programs, read and write files: a mesh needs none of it.
@@ -51,6 +54,8 @@ _INCLUDED = re.compile(rb"^\s*\*\s*include\b[^\n]*", re.IGNORECASE | re.MULTILIN
 _ITEM = re.compile(rb"<DataItem\b([^>]*)>([^<]*)<", re.IGNORECASE)
 _IN_FILE = re.compile(rb"Format\s*=\s*[\"'](?!XML[\"'])", re.IGNORECASE)
 _HALVES = {".ele": ".node", ".node": ".ele"}  # of TetGen's meshes
+_CONVERSION = re.compile(rb"CONVERSION_BASED_UNIT\s*\(\s*'([^']*)'")
+_SI_UNIT = re.compile(rb"SI_UNIT\s*\(\s*(?:\$|\.([A-Z]*)\.)\s*,\s*\.METRE\.")
 # Gmsh's strings know no escapes and may span lines; what looks like a comment in one is none.
 _TOKEN = re.compile(rb"\"[^\"]*\"|'[^']*'|//[^\n]*|/\*.*?\*/", re.DOTALL)
 
@@ -69,6 +74,7 @@ class Job:
         options: Gmsh's options for meshing geometry.
         balls: Parameters of Gmsh's fields "Ball", of which the least is the mesh size.
         unit: Length in the file [m], for messages.
+        part: Name of the part of a STEP file that is meant; None for all.
         cut: Whether each element is cut into smaller ones of the same kind.
         arrays: Whether nodes, triangles and tetrahedra of first order are wanted as arrays.
     """
@@ -82,6 +88,7 @@ class Job:
     options: Mapping[str, float] = field(default_factory=dict)
     balls: tuple[Mapping[str, float], ...] = ()
     unit: float = 1.0
+    part: str | None = None
     cut: bool = False
     arrays: bool = False
 
@@ -99,11 +106,13 @@ class Opened:
         holdings: What the user's file holds.
         arrays: ``tags``, ``points``, ``cells3``, ``cells4`` of a job with them, and names of
             ``others`` among its elements.
+        unit: Of a STEP file, the unit of its lengths, in words.
     """
 
     path: Path
     holdings: Holdings
     arrays: Mapping[str, Any] = field(default_factory=dict)
+    unit: str = ""
 
 
 @contextmanager
@@ -132,7 +141,8 @@ def opened(path: Path, job: Job = SPACE_TIME) -> Iterator[Opened]:
         if job.arrays:
             with np.load(target) as file:
                 arrays = dict(file)
-        yield Opened(target, holdings, arrays)
+        unit = _unit(content) if path.suffix.lower() in STEP else ""
+        yield Opened(target, holdings, arrays, unit)
 
 
 def look(path: Path, dim: int = 2, key: str = "solve.mesh") -> Holdings:
@@ -190,7 +200,7 @@ def _content(path: Path, job: Job) -> bytes:
                 f"mesh file {path}: does not begin with $MeshFormat; save it as .msh (4.1)"
             )
         return _PERIODIC.sub(b"", content)
-    if suffix in {".step", ".stp"}:
+    if suffix in STEP:
         if not content.lstrip().startswith(b"ISO-10303-21"):
             raise MeshError(
                 f"mesh file {path}: does not begin with ISO-10303-21; export it as STEP again"
@@ -205,6 +215,19 @@ def _content(path: Path, job: Job) -> bytes:
             "mesh (it could touch other files); write the geometry in this one file"
         )
     return content + b"\n"  # Gmsh overlooks statements on a last line that does not end
+
+
+def _unit(content: bytes) -> str:
+    """Unit of the lengths in a STEP file, which Gmsh takes into account."""
+    found = set()
+    for entity in content.split(b";"):
+        if b"LENGTH_UNIT" not in entity:
+            continue
+        if name := _CONVERSION.search(entity):
+            found.add(name[1].decode(errors="replace").lower())
+        elif name := _SI_UNIT.search(entity):
+            found.add(f"{(name[1] or b'').decode().lower()}metre")
+    return " and ".join(sorted(found)) or "millimetre (none is stated)"
 
 
 def _bytes(path: Path, job: Job) -> bytes:
@@ -272,7 +295,8 @@ def _convert(path: Path, source: Path, target: Path, job: Job) -> None:
         "dim": job.dim, "degree": job.degree, "kinds": job.kinds, "options": dict(job.options),
         "balls": [dict(ball) for ball in job.balls],
         "size": job.options.get("Mesh.MeshSizeMax"), "most": _MOST_ALONG, "unit": job.unit,
-        "cut": job.cut, "arrays": job.arrays, "meshio": MESHIO.get(path.suffix.lower()),
+        "part": job.part, "cut": job.cut, "arrays": job.arrays,
+        "meshio": MESHIO.get(path.suffix.lower()),
     })  # fmt: skip
     size = sum(file.stat().st_size for file in source.parent.iterdir())
     name = "meshio" if path.suffix.lower() in MESHIO else "Gmsh"

@@ -15,7 +15,8 @@ from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import Given, MaybeFormulas, MaybeTable, Tables
 from impactfem.scene.inline import Formulas, InlineTable, ListOf, NumberOrVector, Vector
-from impactfem.scene.kinds import Choice, FilePath, Name, Real
+from impactfem.scene.kinds import Choice, FilePath, Line, Name, Real
+from impactfem.scene.mesh_files import PART
 from impactfem.scene.points import COORDINATES
 from impactfem.scene.rigid_forms import Form, form_of, form_of_surface
 from impactfem.scene.rigid_keys import InertiaKind, Orientation, inertia_fault, rotation
@@ -63,6 +64,7 @@ class RigidBody(BodyKind):
         FilePath(endings=SURFACE_FILES), "file of its closed surface instead of a shape",
         default=None, absent="none",
     )  # fmt: skip
+    part: str | None = key(Line(), PART, default=None, absent="all of them")
     scale: float = key(Real(above=0), SCALE, unit="m", default=1.0)
     mesh_size: float | None = key(
         Real(above=0), MESH_SIZE, unit="m", default=None, absent="by the file"
@@ -303,7 +305,8 @@ class RigidBody(BodyKind):
             if shape.dim != self.dim:
                 text = f" has {shape.dim} coordinates, but {next(iter(self._figures))} has "
                 raise KeyedError(self.kind, where, f"{text}{self.dim}: give all as many.")
-        for name, usual in (("scale", 1.0), ("mesh_size", None), ("position", None)):
+        for name in ("scale", "mesh_size", "position", "part"):
+            usual = 1.0 if name == "scale" else None
             if self.mesh is None and getattr(self, name) != usual:
                 raise self._fail(name, " is for mesh, and a shape is given: remove it.")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from impactfem.scene.boundary import SPACE
 from impactfem.scene.formula import Formula
 from impactfem.scene.kinds import FormulaOf
-from impactfem.scene.mesh_files import MESHES
+from impactfem.scene.mesh_files import MESHES, check_part
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import NotAllowedError, show
@@ -47,6 +47,7 @@ def _fail(solid: "Solid", name: str, text: str) -> KeyedError:
 def _check_source(solid: "Solid") -> None:
     """Refuse a body that cannot be drawn, or that is given twice."""
     shape, mesh = solid.shape, solid.mesh
+    check_part(solid)
     if shape is None and mesh is None:
         raise _fail(solid, "shape", " is missing: give shape = { kind = ... }, or mesh = a file.")
     if shape is not None and mesh is not None:

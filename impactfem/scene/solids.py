@@ -25,9 +25,9 @@ from impactfem.scene.inline import (
     TablesByName,
     Vector,
 )
-from impactfem.scene.kinds import Choice, FilePath, Integer, Name, Real, RealOrFormula
+from impactfem.scene.kinds import Choice, FilePath, Integer, Line, Name, Real, RealOrFormula
 from impactfem.scene.materials import LAWS, Material, solids_of
-from impactfem.scene.mesh_files import MESH_FILES
+from impactfem.scene.mesh_files import MESH_FILES, PART
 from impactfem.scene.orthotropic import OrthotropicSolid
 from impactfem.scene.probes import STRAINS
 from impactfem.scene.schema import key, table
@@ -112,6 +112,7 @@ class Solid(BodyKind):
         default=None,
         absent="none",
     )
+    part: str | None = key(Line(), PART, default=None, absent="all of them")
     mesh_size: float | None = key(
         Real(above=0),
         "size of elements; required with a shape or a STEP file",

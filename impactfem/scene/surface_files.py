@@ -9,9 +9,10 @@ import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError
-from impactfem.reading.opening import MESHIO, Job, opened
+from impactfem.reading.opening import MESHIO, STEP, Job, opened
 from impactfem.reading.regular import read_regular, reason
 from impactfem.scene.closed_surface import ClosedSurface, crossed, faults, signed_volume, told
+from impactfem.scene.mesh_files import check_part
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -22,7 +23,6 @@ SCALE = "metres in a unit of the file (a STEP file knows its own)"
 MOST_FACES = 2_000_000
 """Largest surface that is read: 56 s and 1.3 GiB."""
 
-_STEP = (".step", ".stp")
 _MILLIMETRE = 1e-3  # in m: Gmsh gives the lengths of STEP files in mm
 _SAME = 1e-7  # share of the size below which places are one: STL files have single precision
 _OFF_PLANE = 1e-9  # share of the size by which a node may miss z = 0
@@ -44,7 +44,8 @@ def closed_surface(body: Any, dim: int) -> ClosedSurface:
     """
     path = Path(body.folder or "", body.mesh)
     given = f" = {show(body.mesh)}"
-    step = path.suffix.lower() in _STEP
+    step = path.suffix.lower() in STEP
+    check_part(body)
     if step != (body.mesh_size is not None):
         shown = "" if step else f" = {body.mesh_size:g}"
         text = " is missing: a STEP file needs it; give it in m." if step else ": the file holds "
@@ -54,7 +55,12 @@ def closed_surface(body: Any, dim: int) -> ClosedSurface:
     try:
         known = path.stat()
         return _read(
-            path, (known.st_mtime_ns, known.st_size), dim, body.scale, body.mesh_size or 0.0
+            path,
+            (known.st_mtime_ns, known.st_size),
+            dim,
+            body.scale,
+            body.mesh_size or 0.0,
+            body.part,
         )
     except _FaultError as error:
         text = f"{given} {error.args[0]}: {error.args[1]} (the file is {path})."
@@ -75,7 +81,7 @@ class _FaultError(Exception):
 
 @lru_cache(maxsize=32)
 def _read(
-    path: Path, known: tuple[int, int], dim: int, scale: float, size: float
+    path: Path, known: tuple[int, int], dim: int, scale: float, size: float, part: str | None
 ) -> ClosedSurface:  # fmt: skip
     """The surface in a file; `known` tells its contents apart."""
     del known
@@ -87,11 +93,11 @@ def _read(
         _check_count(len(corners))
         points, simplices = _merged(corners)
     else:
-        step = path.suffix.lower() in _STEP
+        step = path.suffix.lower() in STEP
         if step and dim == 2:
             raise _FaultError("is geometry in space", "in the plane give a .msh file")
         unit = _MILLIMETRE if step else 1.0
-        points, simplices, cells = _by_gmsh(path, dim, size / unit)
+        points, simplices, cells = _by_gmsh(path, dim, size / unit, part)
         points = unit * points
     _check_count(len(simplices))
     points = scale * points
@@ -150,15 +156,17 @@ def _merged(corners: Floats) -> tuple[Floats, Integers]:
     return points[first], triangles[some].astype(np.int64)
 
 
-def _by_gmsh(path: Path, dim: int, size: float) -> tuple[Floats, Integers, Integers | None]:
+def _by_gmsh(
+    path: Path, dim: int, size: float, part: str | None
+) -> tuple[Floats, Integers, Integers | None]:
     """Points, facets of the boundary and cells of a mesh; of a surface mesh its triangles."""
-    step = path.suffix.lower() in _STEP
+    step = path.suffix.lower() in STEP
     options = {"General.NumThreads": 1.0}
     if step:
         options |= {"Mesh.MeshSizeMin": size, "Mesh.MeshSizeMax": size}
     job = Job(
         key="mesh", surfaces="triangles", endings=SURFACE_FILES[1:], dim=3, options=options,
-        unit=_MILLIMETRE if step else 1.0, arrays=True,
+        unit=_MILLIMETRE if step else 1.0, part=part, arrays=True,
     )  # fmt: skip
     with opened(path, job) as found:
         given = found.arrays

@@ -10,7 +10,8 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.scene.closed_surface import ClosedSurface
 from impactfem.scene.given import Given, MaybeFormulas, MaybeTable
-from impactfem.scene.kinds import Choice, FilePath, Name, Real
+from impactfem.scene.kinds import Choice, FilePath, Line, Name, Real
+from impactfem.scene.mesh_files import PART
 from impactfem.scene.obstacles.base import (
     MOTION,
     MOTION_KIND,
@@ -41,6 +42,7 @@ class RigidMesh(RigidObstacle):
 
     name: str = key(Name(), NAME, default="mesh")
     mesh: Given[str, Path] = key(FilePath(endings=SURFACE_FILES), "file of its surface")
+    part: str | None = key(Line(), PART, default=None, absent="all of them")
     scale: float = key(Real(above=0), SCALE, unit="m", default=1.0)
     mesh_size: float | None = key(
         Real(above=0), MESH_SIZE, unit="m", default=None, absent="by the file"
