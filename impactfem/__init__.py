@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     )
     from impactfem.simulation import Simulation
     from impactfem.solving import solve
+    from impactfem.trajectory import transcribe
     from impactfem.vibro.integrating import integrate
 
     __version__: str
@@ -94,6 +95,7 @@ _HOMES = {
     "register": "impactfem.extend",
     "Simulation": "impactfem.simulation",
     "solve": "impactfem.solving",
+    "transcribe": "impactfem.trajectory",
 }
 
 _ROOMS = (
@@ -169,6 +171,7 @@ __all__ = [
     "solve",
     "studies",
     "systems",
+    "transcribe",
 ]
 
 

@@ -1,9 +1,13 @@
-"""Gradients of what runs answer; numbers found from measurements, or with which most is reached."""
+"""Gradients of what runs answer; numbers found from measurements, or with which most is reached.
+
+Motions that reach what is asked (`Transcribed`) are in `trajectory`, which knows no runs.
+"""
 
 from impactfem.inverse.gradients import Gradient, gradient
 from impactfem.inverse.identification import Identified, identify
 from impactfem.inverse.optimisation import Optimised, optimise
 from impactfem.scene import Control, Measure, Objective, Parameter, Term
+from impactfem.trajectory import Transcribed
 
 __all__ = [
     "Control",
@@ -14,6 +18,7 @@ __all__ = [
     "Optimised",
     "Parameter",
     "Term",
+    "Transcribed",
     "gradient",
     "identify",
     "optimise",

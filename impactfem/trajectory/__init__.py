@@ -1,0 +1,5 @@
+"""Motions that reach what is asked at least cost, and how far they are from what follows."""
+
+from impactfem.trajectory.transcribing import Transcribed, transcribe
+
+__all__ = ["Transcribed", "transcribe"]
