@@ -29,6 +29,7 @@ from impactfem.scene import (
     SpringElement,
     SpringNet,
     Support,
+    Tie,
     Traction,
 )
 from impactfem.scene.drop import Drop
@@ -65,5 +66,6 @@ __all__ = [
     "SpringElement",
     "SpringNet",
     "Support",
+    "Tie",
     "Traction",
 ]

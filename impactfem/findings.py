@@ -23,6 +23,7 @@ CODES: Mapping[str, str] = {
     "penetration": "bodies penetrate",
     "friction_nonunique": "friction allows several motions",
     "overconstrained": "contact forces are not determined by the equations of motion",
+    "tie_parted": "a tie has let go",
     "joint_open": "a joint does not hold its bodies together",
     "no_estimate": "the error is neither measured nor estimated",
     "not_converged": "a contact problem or a linear system was not solved",

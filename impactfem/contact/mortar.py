@@ -98,6 +98,7 @@ def mortar(
     least: float = 1e-9,
     points: int | None = None,
     pairs: Integers | None = None,
+    full: bool = False,
 ) -> MortarPairs:
     """Match two surfaces at the present places of their nodes.
 
@@ -117,11 +118,13 @@ def mortar(
             quadrilaterals of other shapes.
         pairs: Faces that can meet, if they are known: `faces_in_reach`, with a reach that covers
             the way since. Shape (pairs, 2), sorted.
+        full: Whether every node of faces of degree 2 has a multiplier: beside the linear functions
+            of corners, which they span all of that degree with, the shape functions of the others.
     """
     inwards = _inwards(carrier, reach, depth)
     if pairs is None:
         pairs = faces_in_reach(carrier, other, reach, depth=depth)
-    rule = points or _points(carrier, other, axisymmetric=axisymmetric)
+    rule = points or _points(carrier, other, axisymmetric=axisymmetric, full=full)
 
     parts: list[tuple[Integers, Overlap]] = []
     for begin in range(0, len(pairs), _CHUNK):
@@ -129,10 +132,10 @@ def mortar(
         if carrier.dim == 2:
             overlap = line_overlaps(
                 carrier, other, some, reach, inwards, rule,
-                thickness=thickness, axisymmetric=axisymmetric,
+                thickness=thickness, axisymmetric=axisymmetric, full=full,
             )  # fmt: skip
         else:
-            overlap = face_overlaps(carrier, other, some, reach, inwards, rule)
+            overlap = face_overlaps(carrier, other, some, reach, inwards, rule, full=full)
         met = np.flatnonzero(overlap.cover > 0.0)
         parts.append((some[met], _select(overlap, met)))
     return _gather(carrier, other, parts, least, thickness=thickness, axisymmetric=axisymmetric)
@@ -156,14 +159,15 @@ def _inwards(carrier: Surface, reach: float, depth: float | None) -> Floats:
     return np.minimum(size, reach)
 
 
-def _points(carrier: Surface, other: Surface, *, axisymmetric: bool) -> int:
+def _points(carrier: Surface, other: Surface, *, axisymmetric: bool, full: bool) -> int:
     """Gauss points that integrate psi phi exactly, but for quadrilaterals of any shape."""
     degree = max(carrier.degree, other.degree)
+    own = carrier.degree if full else 1
     if carrier.dim == 2:
-        top = 1 + degree + (carrier.degree if axisymmetric else 0)
+        top = own + degree + (carrier.degree if axisymmetric else 0)
         return (top + 2) // 2
     several = carrier.bilinear or other.bilinear
-    top = 1 + carrier.bilinear + degree * (2 if several else 1)
+    top = own * (1 + carrier.bilinear) + degree * (2 if several else 1)
     return (top + 2) // 2 + (0 if _parallel(carrier) and _parallel(other) else 2)
 
 
@@ -223,7 +227,7 @@ def _gather(
     for (every, whole), visible in zip(parts, seen, strict=False):
         chosen = np.flatnonzero(visible)
         some, overlap = every[chosen], _select(whole, chosen)
-        rows = carrier.corners[some[:, 0]]
+        rows = carrier.faces[some[:, 0], : overlap.carrier.shape[1]]
         here.add(rows, carrier.faces[some[:, 0]], overlap.carrier)
         there.add(rows, other.faces[some[:, 1]], overlap.other)
         for axis in range(dim):

@@ -25,7 +25,14 @@ def face_ways(side: Surface) -> Floats:
 
 
 def face_overlaps(
-    carrier: Surface, other: Surface, pairs: Integers, reach: float, depth: Floats, points: int
+    carrier: Surface,
+    other: Surface,
+    pairs: Integers,
+    reach: float,
+    depth: Floats,
+    points: int,
+    *,
+    full: bool = False,
 ) -> Overlap:
     """Integrate over the overlaps of pairs of faces.
 
@@ -36,8 +43,9 @@ def face_overlaps(
         reach: Largest distance of overlaps [m].
         depth: Largest penetration [m], shape (carrier's faces,).
         points: Gauss points in each direction of a triangle of an overlap.
+        full: See `impactfem.contact.mortar.mortar`.
     """
-    count, corners = len(pairs), carrier.corners.shape[1]
+    count, corners = len(pairs), (carrier.faces if full else carrier.corners).shape[1]
     found = Overlap(
         np.zeros((count, corners, carrier.faces.shape[1])),
         np.zeros((count, corners, other.faces.shape[1])),

@@ -257,8 +257,9 @@ def add_polygon(
     Returns:
         Area of the polygon and integral of the distance over it.
     """
-    nodes, others, corners = len(face), len(other_face), len(vectors)
-    weights, hats, phi, phi_other = np.empty(4), np.empty(4), np.empty(9), np.empty(9)
+    nodes, others, functions = len(face), len(other_face), len(vectors)
+    corners = 4 if nodes in (4, 9) else 3
+    weights, hats, phi, phi_other = np.empty(4), np.empty(9), np.empty(9), np.empty(9)
     slopes, unused, across = np.empty((2, 9)), np.empty((2, 9)), np.empty(3)
     x, y, t, u = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     covered, distance = 0.0, 0.0
@@ -273,6 +274,7 @@ def add_polygon(
             r, s, stretch = reference(flat, places, px, py, weights)
             shapes(corners, r, s, hats, unused)
             shapes(nodes, r, s, phi, slopes)
+            hats[corners:functions] = phi[corners:functions]
             r, s, _ = reference(other_flat, other_places, px, py, weights)
             shapes(others, r, s, phi_other, unused)
             place(points, face, phi, x)
@@ -285,7 +287,7 @@ def add_polygon(
             area = drds * np.sqrt(dot(across, across))
             covered += dplane
             distance += dplane * (dot(y, normal) - dot(x, normal))
-            for i in range(corners):
+            for i in range(functions):
                 for j in range(nodes):
                     here[i, j] += area * hats[i] * phi[j]
                 for j in range(others):

@@ -50,6 +50,7 @@ def line_overlaps(
     *,
     thickness: float,
     axisymmetric: bool,
+    full: bool = False,
 ) -> Overlap:
     """Integrate over the overlaps of pairs of lines.
 
@@ -62,10 +63,11 @@ def line_overlaps(
         points: Gauss points of each overlap of two parts.
         thickness: Factor of lengths [m].
         axisymmetric: Whether the factor is 2 pi times the first coordinate instead.
+        full: See `impactfem.contact.mortar.mortar`.
     """
     ways = line_ways(carrier)
-    corners, nodes = carrier.corners.shape[1], (carrier.faces.shape[1], other.faces.shape[1])
-    count = len(pairs)
+    nodes = carrier.faces.shape[1], other.faces.shape[1]
+    corners, count = nodes[0] if full else carrier.corners.shape[1], len(pairs)
     found = Overlap(
         np.zeros((count, corners, nodes[0])),
         np.zeros((count, corners, nodes[1])),
@@ -103,7 +105,7 @@ def line_overlaps(
             share = np.where(kept, (high - low) / len(carrier.parts), 0.0)
             dr = share[:, None] * weights * factor
             ds = dr * np.linalg.norm(tangent, axis=2)
-            hats = np.stack([1.0 - r, r], axis=-1)
+            hats = np.concatenate([np.stack([1.0 - r, r], -1), phi[..., 2:corners]], axis=-1)
             found.carrier[:] += np.einsum("pg,pgi,pgk->pik", ds, hats, phi)
             found.other[:] += np.einsum("pg,pgi,pgk->pik", ds, hats, phi_other)
             across = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1) * side[:, None, None]

@@ -135,6 +135,7 @@ class HeldLumped(HeldByRows[Linear]):
         self._turns = self._ends = stations.turns
         self._rest = by.joined_coordinates.copy()
         self._wrench = np.zeros(6 * count)
+        self._reach: Floats | None = None
         self._renew()
         moved, turned = np.diag(self._flat).reshape(count, 2, 3).sum(axis=(0, 2))
         # By which spins are compared with speeds [m].
@@ -142,7 +143,9 @@ class HeldLumped(HeldByRows[Linear]):
 
     def _renew(self) -> None:
         """How stations answer to impulses in the layer, (6 stations, 6 stations)."""
-        self._flat = self._rows @ self.by.reach @ self._rows.T
+        reach = self.by.reach
+        if reach is not self._reach:
+            self._reach, self._flat = reach, self._rows @ reach @ self._rows.T
 
     @property
     def compliance_ahead(self) -> Floats:

@@ -23,6 +23,7 @@ from impactfem.marching.rigid_sums import applied
 from impactfem.marching.rubbing import crossed
 from impactfem.marching.stations import Held, Motion
 from impactfem.result.history import LOST
+from impactfem.scene.ties import TieRows
 from impactfem.system.joint_kernels import (
     ANGLE,
     DOT,
@@ -85,8 +86,7 @@ class Joining[P: Stepper](Bodies[P]):
         self._owner = joints.owner[terms.rows]
         self._leading = np.unique(self._owner, return_index=True)[1]  # first term of each joint
         self._struck = False
-        reach = np.abs(joints.places).max() + np.abs(terms.arms).max(initial=0.0)
-        reach = float(reach) or 1.0
+        reach = joints.extent or 1.0
         # Places round by the lengths that make them, cosines and angles do not.
         rounds = np.where(np.isin(terms.kinds, (DOT, ANGLE)), 1.0, reach)
         self._rounding = _ROUNDING * reach  # of places [m]
@@ -285,7 +285,7 @@ class Joining[P: Stepper](Bodies[P]):
                 is but smoothed, none where the rest of the energy is lost.
         """
         joints, terms = self._joints, self._joints.terms
-        holding = np.flatnonzero(joints.hard)
+        holding = np.flatnonzero(self._states.hard)
         places, speeds = joints.ground.at(self._end)
         ground, led = (places, joints.ground.turns), np.hstack([speeds, joints.ground.still])
         places, turns = _stacked([ground, *(body.places_ahead for body in self._held)])
@@ -335,20 +335,34 @@ class Joining[P: Stepper](Bodies[P]):
             self._shown[k, 2:4] = acting[t.rows[at]] * t.shares[at], 0.0
 
     def told(self) -> dict[str, dict[str, float]]:
-        """Columns of the joints; those without a coordinate have forces only."""
+        """Columns of the joints; those without a coordinate have forces only, ties but these."""
         found = {}
+        ties = {
+            joint.name: force
+            for joint, force in zip(self._joints.joints, self._shown[:, 2].tolist(), strict=True)
+            if isinstance(joint, TieRows)
+        }
+        if ties:
+            found["force"] = ties
         for joint, values in zip(self._joints.joints, self._shown.tolist(), strict=True):
+            if joint.name in ties:
+                continue
             names = ["q", "v"] * joint.moves + ["force"]
             names += ["moment"] * (joint.between is not None) + [LOST]
             known = dict(zip(("q", "v", "force", "moment", LOST), values, strict=True))
             found[joint.name] = {name: known[name] for name in names}
         return found
 
+    def parted(self) -> dict[str, float]:
+        """When ties let go [s]."""
+        each = zip(self._joints.joints, self._states.parted.tolist(), strict=True)
+        return {joint.name: time for joint, time in each if time < np.inf}
+
     def opened(self) -> dict[str, tuple[float, float]]:
         """How far each joint that does not give way is open now [m], [rad]."""
         joints, terms = self._joints, self._joints.terms
         off = np.abs(self._coordinates(self._terms) - joints.wanted(self._now)[0])
-        off = np.where(joints.hard, off, 0.0)
+        off = np.where(self._states.hard, off, 0.0)
         turns = np.isin(np.arange(joints.count), terms.rows[np.isin(terms.kinds, (DOT, ANGLE))])
         most = np.zeros((2, len(joints.joints)))
         np.maximum.at(most, (turns.astype(int), joints.owner), off)
@@ -369,6 +383,7 @@ class Joining[P: Stepper](Bodies[P]):
         driven += self._drawn
         self._now = self._end
         self._show(self._ends)
+        self._states.part(self._shown[:, 2], self._now)
         self._terms = self._ends
         return self._stored(self._ends), driven
 

@@ -153,10 +153,12 @@ def joined(
     state, least, iterates = UNSETTLED, np.inf, 0
     # Root of the energy of what moves and pushes: what impulses, made alike, are measured by.
     known = 0.0
+    turns = np.zeros(count, dtype=np.bool_)  # stations that do
     for c in range(len(couples)):
         body = couples[c, 0]
         if couples[c, 1] != body:
             continue
+        turns[body] = np.abs(compliance[c, 3:, 3:]).max() > 0.0
         for part in range(2):
             first = 3 * part
             whole = np.trace(compliance[c, first : first + 3, first : first + 3])
@@ -225,15 +227,21 @@ def joined(
                 # Along its axes at the start of the layer.
                 spun = start[1][body].T @ impulses[1][body]
                 late[body] = spins[1][body] + spun - whirls[body]
+                rolled = (2.0 / dt) * (turning @ start[1][body].T)
                 for c in range(len(couples)):
-                    if couples[c, 0] == body:
-                        other = couples[c, 1]
-                        wrench = np.concatenate((pushed[other], whirled[other]))
-                        steps[body] += compliance[c, :3] @ wrench
-                        own = compliance[c, 3:] @ wrench
-                        late[body] += start[1][body].T @ own
-                        rolled = turning @ start[1][body].T
-                        bending[c, 3:] = (2.0 / dt) * rolled @ compliance[c, 3:]
+                    if couples[c, 0] != body:
+                        continue
+                    other = couples[c, 1]
+                    for i in range(3):
+                        for k in range(3):
+                            steps[body, i] += compliance[c, i, k] * pushed[other, k]
+                            steps[body, i] += compliance[c, i, k + 3] * whirled[other, k]
+                    if not turns[body]:
+                        continue
+                    wrench = np.concatenate((pushed[other], whirled[other]))
+                    own = compliance[c, 3:] @ wrench
+                    late[body] += start[1][body].T @ own
+                    bending[c, 3:] = rolled @ compliance[c, 3:]
                 free[body, :3] = 0.5 * dt * steps[body]
                 free[body, 3:] = turning @ late[body]
                 continue
@@ -295,11 +303,17 @@ def joined(
         moved = 0.0  # twice the energy of the change
         for c in range(len(couples)):
             one, two = couples[c]
-            found = compliance[c] @ np.concatenate((pushed[two], whirled[two]))
-            speeds[one] += found[:3]
-            spun = found[3:].copy()
-            whirls[one] += start[1][one].T @ spun
-            moved += found[:3] @ pushed[one] + spun @ whirled[one]
+            for i in range(3):
+                way = 0.0
+                for k in range(3):
+                    way += compliance[c, i, k] * pushed[two, k]
+                    way += compliance[c, i, k + 3] * whirled[two, k]
+                speeds[one, i] += way
+                moved += way * pushed[one, i]
+            if turns[one]:
+                spun = compliance[c, 3:] @ np.concatenate((pushed[two], whirled[two]))
+                whirls[one] += start[1][one].T @ spun
+                moved += spun @ whirled[one]
         for body in range(1, count):
             if inverse_mass[body] == 0.0:
                 continue

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impactfem.arrays import Floats, Integers
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.scene.means import StepMean
 from impactfem.system.joints import Joints
 
@@ -58,6 +58,7 @@ class JointStates:
     Attributes:
         slides: 1, -1: the way that it slides; 0: friction holds it, or there is none, (joints,).
         stops: 1: at its lower limit, -1: at its upper one, (joints,).
+        parted: When ties let go [s], infinite of what holds, (joints,).
         motors: By the place of the joint.
         span: Of the step [s].
     """
@@ -74,6 +75,9 @@ class JointStates:
         self._joints, self.span, self._sizes = joints, span, sizes
         self.slides = np.sign(np.where(joints.rubbing < 0, 0.0, rates[joints.rubbing]))
         self.stops = np.zeros(len(joints.joints))
+        self.parted = np.full(len(joints.joints), np.inf)
+        most = [getattr(joint, "break_force", None) or np.inf for joint in joints.joints]
+        self._strength = np.array(most)
         self.motors = {k: Motor(StepMean(j.motor)) for k, j in enumerate(joints.joints) if j.motor}
         self._still = np.zeros((joints.count, 3))  # laws that do not change
         self._still[:, 1] = 1.0
@@ -94,6 +98,7 @@ class JointStates:
         """
         joints, dt = self._joints, self.span
         laws = self._still.copy()
+        laws[self._gone] = 0.0, 1.0, 0.0
         for row in self._soft:
             if (soft := joints.joints[joints.owner[row]].soft) is not None:
                 missing = begun[row] - joints.start[row]
@@ -122,6 +127,20 @@ class JointStates:
                 way = 0.5 * dt * (1.0 - back) * rates[row]
                 laws[limit] = 1.0, 0.0, -(q + way)
         return laws
+
+    @property
+    def _gone(self) -> Booleans:
+        """Rows of ties that have let go, (rows,)."""
+        return np.isfinite(self.parted)[self._joints.owner]
+
+    @property
+    def hard(self) -> Booleans:
+        """Rows that are constraints now and do not give way, (rows,)."""
+        return np.asarray(self._joints.hard & ~self._gone)
+
+    def part(self, forces: Floats, time: float) -> None:
+        """Let ties go whose resultants [N], (joints,), are too large at a time [s]."""
+        self.parted[(forces > self._strength) & ~np.isfinite(self.parted)] = time
 
     def unbounded(self, laws: Floats) -> Floats:
         """The laws that contact meets: dry friction, whose force is bounded, does not hold it.
@@ -206,11 +225,13 @@ class JointStates:
         motors = [[m.constant, m.stiffness, m.damping] for m in self.motors.values()]
         return {
             "joints.slides": self.slides.copy(), "joints.stops": self.stops.copy(),
+            "joints.parted": self.parted.copy(),
             "joints.motors": np.array(motors).reshape(-1, 3),
         }  # fmt: skip
 
     def remember(self, memory: Mapping[str, Floats]) -> None:
         """Go on from what `memory` gave."""
         self.slides, self.stops = memory["joints.slides"].copy(), memory["joints.stops"].copy()
+        self.parted = memory["joints.parted"].copy()
         for motor, kept in zip(self.motors.values(), memory["joints.motors"], strict=True):
             motor.constant, motor.stiffness, motor.damping = (float(value) for value in kept)

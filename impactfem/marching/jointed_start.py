@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from impactfem.arrays import Floats
 from impactfem.marching.resting import FreeModes, Resting
 from impactfem.scene.means import StepMean
-from impactfem.system.joint_kernels import at_gradients, least, sizes_of
+from impactfem.system.joint_kernels import POINT, at_gradients, least, sizes_of
 from impactfem.system.joints import Joints
 from impactfem.system.stations import Stations
 
@@ -130,6 +130,11 @@ class JointedAtRest:
         self._answer: Callable[[Floats], Floats] | None = None
         gradient = self._gradient(*self._frames(self.start))
         tangents = [b.tangent(b.start) for b in bodies]
+        # Means of nodes that turn nothing push along lines that stay.
+        terms, swings = joints.terms, np.zeros(len(joints.places), dtype=bool)
+        swings[terms.bodies[(terms.kinds != POINT) | terms.arms.any(axis=(1, 2))]] = True
+        self._swings = np.repeat(swings[joints.ground.count :], 6)
+        self._acts = gradient.any(axis=0) | self._swings  # what forces in joints push
         self._yielding = self._yields(tangents)
         own = np.diag(gradient @ self._yielding @ gradient.T)
         tiny = _HELD * own.max(initial=0.0)
@@ -193,6 +198,8 @@ class JointedAtRest:
         each = zip(self._stations, self._held, tangents, strict=True)
         for own, at, solve in each:
             for k, unit in enumerate(np.eye(own.stop - own.start)):
+                if not self._acts[own.start + k]:
+                    continue
                 pulled = at.wrung(unit)
                 found[own, own.start + k] = at.twists(solve(pulled))
         return found
@@ -292,7 +299,7 @@ class JointedAtRest:
         found, units = np.zeros((count, count)), np.tile([self._reach] * 3 + [1.0] * 3, count // 6)
         if not forces.any():
             return found
-        for k in range(count):
+        for k in np.flatnonzero(self._swings).tolist():
             sides = []
             for step in (_STEP, -_STEP):
                 body, way = first + k // 6, np.zeros(6)
@@ -302,6 +309,8 @@ class JointedAtRest:
                 turned[body] = Rotation.from_rotvec(way[3:]).as_matrix() @ turned[body]
                 sides.append(self._gradient(there, turned).T @ forces)
             found[:, k] = -(sides[0] - sides[1]) / (2.0 * _STEP) * units
+        if not found.any():
+            return found
         size, ways = np.linalg.eigh(0.5 * (found + found.T))
         kept = (ways * np.maximum(size, 0.0)) @ ways.T
         return np.asarray(kept / np.outer(units, units))
@@ -315,10 +324,13 @@ class JointedAtRest:
         by_force: Floats,
     ) -> Callable[[Floats], Floats]:
         """Changes of places and forces in joints by forces on both."""
-        softer = np.linalg.solve(
-            np.eye(len(turning)) + self._yielding @ turning, np.eye(len(turning))
-        )
-        moving = gradient @ softer @ self._yielding @ gradient.T
+        yielding = self._yielding
+        softer, whole = None, yielding
+        if turning.any():
+            unit = np.eye(len(turning))
+            softer = np.linalg.solve(unit + yielding @ turning, unit)
+            whole = softer @ yielding
+        moving = gradient @ whole @ gradient.T
         matrix = by_row[:, None] * moving + np.diag(by_force)
         scale, redundant = sizes_of(moving), bool(self._joints.redundant)
 
@@ -326,11 +338,13 @@ class JointedAtRest:
             each = zip(tangents, self.split(forces), strict=True)
             free = [answer(own) for answer, own in each]
             ways = [at.twists(way) for at, way in zip(self._held, free, strict=True)]
-            first = softer @ np.concatenate(ways)
+            first = np.concatenate(ways)
+            first = first if softer is None else softer @ first
             wanted = self.forces(forces) - by_row * (gradient @ first)
             found = least(matrix, wanted, scale, redundant=redundant)
-            twist = first + softer @ (self._yielding @ (gradient.T @ found))
-            wrench = gradient.T @ found - turning @ twist
+            wrench = gradient.T @ found
+            if softer is not None:
+                wrench = wrench - turning @ (first + whole @ wrench)
             each_held = zip(free, tangents, self._held, self._stations, strict=True)
             moved = [way + answer(at.wrung(wrench[own])) for way, answer, at, own in each_held]
             return np.concatenate([*moved, found])

@@ -168,7 +168,7 @@ def crowded(model: Bodies, offsets: Sequence[int]) -> tuple[Crowded, list[dict[s
             own = {name: node + start for name, node in few.singles.items()}
             kinds.setdefault(type(few), {}).update(own)
     # Gears join three or more, and others one to the ground.
-    both = (set(joint.bodies) & place.keys() for joint in scene.joints if len(joint.bodies) == 2)
+    both = (set(joint.bodies) & place.keys() for joint in scene.holding if len(joint.bodies) == 2)
     held = {tuple(sorted(place[name] for name in names)) for names in both if len(names) == 2}
     found = [np.zeros((0, 2), dtype=np.int64)]
     node = np.zeros(len(bodies), dtype=np.int64)

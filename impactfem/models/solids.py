@@ -1,7 +1,7 @@
 """What the solids of a scene are, meshed and discretised: shared by plan and run."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -33,6 +33,7 @@ from impactfem.models.ball_contacts import (
 from impactfem.models.key import SceneKey
 from impactfem.models.obstacle_contacts import ObstacleMeeting, obstacle_meetings
 from impactfem.models.solid_contact import contact_of, reach_of
+from impactfem.models.ties import Ties
 from impactfem.models.tips import held_regions, supported, tips_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.apartness import Apartness
@@ -61,6 +62,7 @@ class SolidPart:
         solid: The body.
         degree: Degree of its elements.
         mesh: Its mesh.
+        ties: Those of the scene.
     """
 
     comm: Any
@@ -68,6 +70,7 @@ class SolidPart:
     solid: Solid
     degree: int
     mesh: BodyMesh
+    ties: Ties = field(repr=False, compare=False)
 
     @cached_property
     def system(self) -> ElasticSystem:
@@ -111,12 +114,12 @@ class SolidPart:
 
     @cached_property
     def regions(self) -> Mapping[Key, HeldRegion]:
-        """What joints hold of it (collective likewise).
+        """What joints and ties hold of it (collective likewise).
 
         Raises:
             KeyedError: A surface is unknown, or a region is empty or shared.
         """
-        return held_regions(self)
+        return {**held_regions(self), **self.ties.regions(self.solid.name)}
 
     @property
     def joined(self) -> Booleans:
@@ -323,7 +326,8 @@ class SolidsModel:
         """
         if not self.scene.couplings:
             return None
-        return joints_of(self.scene, [*self.tips, *self.few])
+        ties = self.parts[0].ties.places if self.scene.ties else {}
+        return joints_of(self.scene, [*self.tips, *self.few], ties)
 
     @cached_property
     def tips(self) -> tuple[Tips, ...]:
@@ -443,7 +447,8 @@ def _parts(key: SceneKey, degrees: tuple[int, ...]) -> tuple[SolidPart, ...]:
     # A list with a name outlives an error of a later body. What a comprehension had found would be
     # freed while the error is under way, which mpi4py's locks of communicators do not survive.
     parts: list[SolidPart] = []
+    ties = Ties(scene, parts)
     for solid, degree in zip(scene.solids, degrees, strict=True):
         mesh = build_body_mesh(comm, solid, degree, folder)
-        parts.append(SolidPart(comm, scene, solid, degree, mesh))
+        parts.append(SolidPart(comm, scene, solid, degree, mesh, ties))
     return tuple(parts)

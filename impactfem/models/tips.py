@@ -8,6 +8,7 @@ from impactfem.arrays import Booleans, Floats
 from impactfem.contact.boundary import everywhere
 from impactfem.scene.laws import side_of
 from impactfem.scene.schema import KeyedError
+from impactfem.scene.ties import TieRows
 from impactfem.scene.values import show
 from impactfem.system.link_shapes import named
 from impactfem.system.located import Located, locate
@@ -27,12 +28,14 @@ def held_regions(part: "SolidPart") -> dict[Key, HeldRegion]:
     """
     outside, found = part.outside, HeldRegions()
     for index, joint in enumerate(part.scene.couplings):
+        if isinstance(joint, TieRows):
+            continue
         for side, place in zip(joint.between or (), joint.places, strict=False):
             body, surfaces = side_of(side)
             if body != part.solid.name:
                 continue
             (name,) = surfaces or ("",)
-            where = f"joint[{index}]" if index < len(part.scene.joints) else "spring"
+            where = part.scene.table_of(index)
             if part.solid.shape is not None and part.solid.shape.symmetry:
                 text = f" = {show(side)}: {body} is cut by symmetry, which joints do not keep; "
                 raise KeyedError(where, "between", text + "model it as a whole.")

@@ -30,6 +30,7 @@ from impactfem.scene.couplings import WHOLE
 from impactfem.scene.laws import side_of
 from impactfem.scene.pairing import named_body_pairs
 from impactfem.sizing import check_memory
+from impactfem.system.stations import Tied
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidsModel
@@ -257,6 +258,8 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
     """What is said of bodies without meshes beside solids."""
     for part in model.parts:
         for (side, place, radius), held in part.regions.items():
+            if isinstance(radius, Tied):
+                continue
             of = "all" if len(held.numbers) == held.every else f"{len(held.numbers)} of"
             at = ", ".join(f"{x:.4g}" for x in place)
             text = f"the mean of {of} {held.every} nodes, those within {held.radius:.3g} m"
@@ -265,6 +268,8 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
             more = f": {held.why}, joint.radius gives another" if held.why else ""
             where = "" if radius == WHOLE else f" at ({at})"
             reasons[f"joint on {side}{where}"] = f"{text}{more}; they do not touch"
+    for tie, words in model.parts[0].ties.words.items() if model.parts else ():
+        reasons[f"tie {tie}"] = words
     if not model.few:
         return joint_findings(model)
     reasons["contact points"] = (

@@ -142,6 +142,11 @@ JOINT_COLUMNS: Mapping[str, tuple[str, str]] = {
 }
 """Columns ``JOINT.q`` of joints, of those of mechanisms ``BODY.JOINT.q``: unit and meaning."""
 
+TIE_COLUMN = (
+    "N", "amount of the resultant of a tie on its second side during (t_{m-1}, t_m]"
+)  # fmt: skip
+"""Columns ``force.TIE`` of ties: unit and meaning."""
+
 MOST_PAIRS = 100
 """Number of pairs up to which each has columns of its own."""
 
@@ -260,7 +265,8 @@ def make_history(columns: Columns) -> Table:
             name = f"{probe}.{part}"
             kind = f"{part[0]}{'xx' if part[0] == 's' else 'x'}"
             unit, text = (
-                JOINT_COLUMNS.get(part)
+                (TIE_COLUMN if probe == "force" else None)
+                or JOINT_COLUMNS.get(part)
                 or PROBE_COLUMNS.get(kind)
                 or BODY_COLUMNS["qw" if part[0] == "q" else "wx"]  # of a base that turns freely
             )

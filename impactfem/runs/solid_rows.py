@@ -126,6 +126,12 @@ def solids_motion(seen: Observed) -> SolidsMotion:
     if model.joints is not None:
         opened = opening_findings(model.scene, history, seen.loop.joined.opened())
         effort = replace(effort, findings=(*effort.findings, *opened))
+        if model.scene.ties:
+            ties, parted = _ties(seen, told)
+            effort = replace(
+                effort, details={**effort.details, "ties": ties},
+                findings=(*effort.findings, *parted),
+            )  # fmt: skip
     if started is not None:
         effort = replace(
             effort,
@@ -134,6 +140,22 @@ def solids_motion(seen: Observed) -> SolidsMotion:
         )
     places = {} if probes.kept is None else probes.kept.places
     return SolidsMotion(history, effort, finite, places, moved)
+
+
+def _ties(
+    seen: Observed, told: Mapping[str, Mapping[str, Floats]]
+) -> tuple[dict[str, dict[str, float | None]], list[Finding]]:
+    """Largest resultants of the ties [N], and when they let go [s]; that they did."""
+    figures, found = dict[str, dict[str, float | None]](), list[Finding]()
+    parted = seen.loop.joined.parted()
+    for tie in seen.model.scene.ties:
+        force, time = float(told["force"][tie.name].max()), parted.get(tie.name)
+        figures[tie.name] = {"force_max": force, "parted_at": time}
+        if time is not None:
+            text = f"tie {tie.name} let go at t = {time:.6g} s, at {force:.4g} N; its surfaces do "
+            text += "not touch each other from then on"
+            found.append(Finding("tie_parted", "note", text, tie.name, value=time))
+    return figures, found
 
 
 def _taken(rows: Rows, told: Mapping[str, Mapping[str, Floats]]) -> dict[str, float]:

@@ -43,6 +43,7 @@ from impactfem.scene.settings import Output, Solve
 from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
 from impactfem.scene.solids import Refinement, Solid
 from impactfem.scene.springs import SpringNet
+from impactfem.scene.ties import Tie
 from impactfem.scene.toml import parse_assignment
 from impactfem.scene.viscoelastic import KelvinVoigt, Maxwell, MaxwellTerm
 
@@ -108,6 +109,7 @@ __all__ = [
     "SpringNet",
     "Support",
     "Term",
+    "Tie",
     "Traction",
     "Wall",
     "describe",

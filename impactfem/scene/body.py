@@ -57,6 +57,7 @@ class BodyKind:
         turns_in_joints: Whether it turns where they do, and directions turn with it.
         joined_whole, joined_by_surface: Whether joints name it, and a part of it (`arm/hand`).
         parts_in_joints: What these are.
+        tied: Whether ties hold it.
         has_centre: Whether springs act on its centre where they name no place.
         sprung_inside: Whether springs act on any place in it.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
@@ -89,6 +90,7 @@ class BodyKind:
     joined_by_surface: ClassVar[bool] = False
     sprung_inside: ClassVar[bool] = False
     has_centre: ClassVar[bool] = False
+    tied: ClassVar[bool] = False
     parts_in_joints: ClassVar[str] = "links"
     whole_side: ClassVar[tuple[str, ...] | None] = None
     mesh: str | None = None

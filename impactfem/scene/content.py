@@ -33,6 +33,7 @@ from impactfem.scene.settings import Output, Solve
 from impactfem.scene.solids import Solid
 from impactfem.scene.springs import SpringNet
 from impactfem.scene.tables import MAX_BODIES, MAX_OBSTACLES, ObjectsKind, SettingsKind
+from impactfem.scene.ties import Tie
 from impactfem.scene.values import show
 
 type Body = Bar | Solid | Point | Rod | Beam | RigidBody | Mechanism | SpringNet | Plate
@@ -45,6 +46,7 @@ BODIES: dict[str, type[Any]] = {
 MAX_CONTACTS = 10_000
 MAX_JOINTS = 10_000
 MAX_SPRINGS = 10_000
+MAX_TIES = 10_000
 STARTS = ("given", "static")
 
 
@@ -93,6 +95,12 @@ class Content:
         name="spring",
         default=(),
     )
+    ties: Given[tuple[Tie, ...], Sequence[Tie]] = key(
+        ObjectsKind((Tie,), "[[tie]]", MAX_TIES, 0),
+        "surfaces that stay together",
+        name="tie",
+        default=(),
+    )
     probes: Given[tuple[Probe, ...], Sequence[Probe]] = key(
         ObjectsKind((Probe,), "[[probe]]", MAX_PROBES, 0),
         "places whose motion is kept in the history",
@@ -134,13 +142,25 @@ class Content:
         """Its contact laws, each of two names."""
         names = tuple(body.name for body in self.bodies)
         obstacles = tuple(obstacle.name for obstacle in self.obstacles)
-        held = tuple(joint.bodies for joint in self.joints)
+        held = tuple(joint.bodies for joint in self.holding)
         return Laws.among(self.contacts, names, obstacles, held)
 
     @cached_property
+    def holding(self) -> tuple[Joint, ...]:
+        """Its joints and ties: what holds bodies together."""
+        return self.joints + tuple(tie.rows(self.dim) for tie in self.ties)
+
+    @cached_property
     def couplings(self) -> tuple[Joint, ...]:
-        """Its joints, and its springs as rows that hold nothing."""
-        return self.joints + tuple(row for spring in self.springs for row in spring.rows(self.dim))
+        """These, and its springs as rows that hold nothing."""
+        return self.holding + tuple(row for spring in self.springs for row in spring.rows(self.dim))
+
+    def table_of(self, coupling: int) -> str:
+        """Table of one of its `couplings`, for messages."""
+        first, joint = len(self.joints), self.couplings[coupling]
+        if coupling >= len(self.holding):
+            return joint.heading
+        return f"{joint.heading}[{coupling if coupling < first else coupling - first}]"
 
     @property
     def kinds(self) -> frozenset[str]:
@@ -326,8 +346,9 @@ def why_marched(scene: Content) -> str | None:
     if len(kinds) > 1:
         return f"bodies of different kinds ({', '.join(kinds)})"
     if scene.couplings or scene.starts_at_rest:
-        held = "joints" if scene.joints else "springs between bodies"
-        return held if scene.couplings else "a start at rest"
+        held = ("joints", scene.joints), ("ties", scene.ties), ("springs between bodies", True)
+        what = next(name for name, has in held if has)
+        return what if scene.couplings else "a start at rest"
     given_way = scene.gives_way and not scene.bars
     if not all(body.marches_alone for body in scene.bodies) and not given_way:
         return None

@@ -11,7 +11,7 @@ from impactfem.scene.column_names import check_column_names
 from impactfem.scene.content import BODIES, Content
 from impactfem.scene.finite_checks import check_finite, check_relaxing
 from impactfem.scene.inverse import check_asked
-from impactfem.scene.joint_checks import check_couplings, check_joints
+from impactfem.scene.joint_checks import check_couplings, check_joints, check_ties
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.mixed import check_dimensions, check_mixed
 from impactfem.scene.obstacle_checks import check_gravity, check_obstacles
@@ -67,6 +67,7 @@ def check_scene(scene: Content, gravity: object) -> None:
     _check_names(scene)
     check_joints(scene)
     check_couplings(scene)
+    check_ties(scene)
     check_itself(scene)
     check_springs(scene)
     check_adhesion(scene)

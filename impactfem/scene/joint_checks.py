@@ -82,6 +82,39 @@ def check_couplings(scene: Content) -> None:
                 raise KeyedError(where, "point", text)
 
 
+def check_ties(scene: Content) -> None:
+    """Refuse ties of what has no surface that is glued, or is not there.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    bodies = {body.name: body for body in scene.bodies}
+    others = *scene.obstacles, *scene.joints, *scene.springs
+    taken = {*bodies, GROUND} | {each.name for each in others}
+    for index, tie in enumerate(scene.ties):
+        where = f"tie[{index}]"
+        if tie.name in taken:
+            text = f" = {show(tie.name)} is the name of something else: give another."
+            raise KeyedError(where, "name", text)
+        taken.add(tie.name)
+        given = f" = {show(list(tie.between))}: "
+        for name in tie.between:
+            _check_side(scene, where, name, tie.between)
+            whole = side_of(name)[0]
+            if name != GROUND and not bodies[whole].tied:
+                text = f"{whole} is a {bodies[whole].kind}, ties hold surfaces of solids to each "
+                text += "other, to rigid bodies or the ground; give these, or a joint of kind "
+                raise KeyedError(where, "between", f'{given}{text}"fixed".')
+        sides = [side_of(name) for name in tie.between]
+        if sides[0][0] == sides[1][0]:
+            text = f"both are of {sides[0][0]}: give surfaces of two bodies."
+            raise KeyedError(where, "between", given + text)
+        if not any(part for _, part in sides):
+            text = "neither is a surface of a solid: give one, or a joint of kind "
+            raise KeyedError(where, "between", f'{given}{text}"fixed".')
+        _check_in_steps(scene, where, tie.rows(scene.dim))
+
+
 def _check_in_steps(scene: Content, where: str, joint: Joint) -> None:
     """Refuse what joints do not hold in steps by iterates."""
     bodies = {body.name: body for body in scene.bodies}

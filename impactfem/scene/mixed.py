@@ -178,4 +178,5 @@ def _check_explicit(scene: Content) -> None:
     for index, joint in enumerate(scene.couplings):
         if held := sorted(joint.bodies & solids):
             text = f" = {show(list(joint.between or ()))}: explicit steps do not hold surfaces of "
-            raise KeyedError(f"joint[{index}]", "between", f"{text}{held[0]}; {remedy}")
+            where = scene.table_of(index)
+            raise KeyedError(where, "between", f"{text}{held[0]}; {remedy}")

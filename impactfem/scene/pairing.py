@@ -38,7 +38,7 @@ def _all_pairs(
     scene: Content, alike: Sequence[Collection[str]]
 ) -> Iterator[tuple[str, Side, Side]]:
     names = list(dict.fromkeys(body.name for body in scene.bodies))
-    held = {joint.bodies for joint in scene.joints}
+    held = {joint.bodies for joint in scene.holding}
     every = list(enumerate(names))
     others = {id(group): [each for each in every if each[1] not in group] for group in alike}
     own = {name: others[id(group)] for group in alike for name in group}
@@ -59,7 +59,7 @@ def bodies_met(scene: Content, name: str) -> list[str]:
     if scene.contacts:
         known = set(names)
         return [other for other in scene.laws.partners.get(name, ()) if other in known]
-    held = {other for joint in scene.joints if name in (on := joint.bodies) for other in on}
+    held = {other for joint in scene.holding if name in (on := joint.bodies) for other in on}
     return [other for other in names if other != name and other not in held]
 
 

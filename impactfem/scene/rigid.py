@@ -45,6 +45,7 @@ class RigidBody(BodyKind):
     settles: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
     has_centre: ClassVar[bool] = True
+    tied: ClassVar[bool] = True
     joined_in_steps: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the body in histories", default="rigid")

@@ -12,7 +12,7 @@ from impactfem.extensions import load_installed
 from impactfem.reading.live import is_kept, keep
 from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
-from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, MAX_SPRINGS, Content
+from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, MAX_SPRINGS, MAX_TIES, Content
 from impactfem.scene.control import MAX_CONTROLS, Control, acted, named_histories
 from impactfem.scene.couplings import SpringElement
 from impactfem.scene.crosschecks import check_scene
@@ -49,10 +49,11 @@ from impactfem.scene.tables import (
     own,
     read_objects,
 )
+from impactfem.scene.ties import Tie
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
-_RARE = ("spring", "parameter", "control", "measure", "objective")
+_RARE = ("spring", "tie", "parameter", "control", "measure", "objective")
 """Tables that a scene file has only where they say something."""
 
 
@@ -202,8 +203,8 @@ class Scene(Content):
         """Make a scene from tables as TOML has them; keys with the value None count as absent.
 
         Args:
-            data: keys ``title, duration, gravity, start, body, obstacle, contact, joint, probe,
-                parameter, control, measure, objective, drop, solve, output``.
+            data: keys ``title, duration, gravity, start, body, obstacle, contact, joint, spring,
+                tie, probe, parameter, control, measure, objective, drop, solve, output``.
             base: folder where relative mesh paths start.
 
         Raises:
@@ -240,18 +241,14 @@ class Scene(Content):
             values["obstacle"] = read_objects(
                 values["obstacle"], "obstacle", OBSTACLES, MAX_OBSTACLES, 0
             )
-        if "contact" in values:
-            values["contact"] = read_objects(values["contact"], "contact", Contact, MAX_CONTACTS, 0)
-        if "joint" in values:
-            values["joint"] = read_objects(values["joint"], "joint", Joint, MAX_JOINTS, 0)
-        if "spring" in values:
-            values["spring"] = read_objects(
-                values["spring"], "spring", SpringElement, MAX_SPRINGS, 0
-            )
-        if "probe" in values:
-            values["probe"] = read_objects(values["probe"], "probe", Probe, MAX_PROBES, 0)
-        if "measure" in values:
-            values["measure"] = read_objects(values["measure"], "measure", Measure, MAX_MEASURES, 0)
+        lists: tuple[tuple[str, type[Any], int], ...] = (
+            ("contact", Contact, MAX_CONTACTS), ("joint", Joint, MAX_JOINTS),
+            ("spring", SpringElement, MAX_SPRINGS), ("tie", Tie, MAX_TIES),
+            ("probe", Probe, MAX_PROBES), ("measure", Measure, MAX_MEASURES),
+        )  # fmt: skip
+        for name, made, most in lists:
+            if name in values:
+                values[name] = read_objects(values[name], name, made, most, 0)
         for name, settings in (
             ("objective", Objective), ("drop", Drop), ("solve", Solve), ("output", Output),
         ):  # fmt: skip
@@ -264,7 +261,9 @@ class Scene(Content):
         data = plain(self)
         for name in ("body", "obstacle"):
             data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
-        for name in ("contact", "joint", "spring", "probe", "parameter", "control", "measure"):
+        for name in (
+            "contact", "joint", "spring", "tie", "probe", "parameter", "control", "measure",
+        ):  # fmt: skip
             data[name] = [plain(entry) for entry in data[name]]
             if name == "joint":
                 own = self._own_joints
@@ -301,7 +300,7 @@ class Scene(Content):
                     home[name] = str(there.relative_to(target) if inside else there)
         bodies, obstacles = data.pop("body"), data.pop("obstacle")
         contacts, joints = data.pop("contact"), data.pop("joint")
-        springs = data.pop("spring", [])
+        springs, ties = data.pop("spring", []), data.pop("tie", [])
         probes, objective = data.pop("probe"), data.pop("objective", None)
         parameters, measures = data.pop("parameter", []), data.pop("measure", [])
         controls = data.pop("control", [])
@@ -313,6 +312,7 @@ class Scene(Content):
             *(("[[contact]]", Contact, entry) for entry in contacts),
             *(("[[joint]]", Joint, entry) for entry in joints),
             *(("[[spring]]", SpringElement, entry) for entry in springs),
+            *(("[[tie]]", Tie, entry) for entry in ties),
             *(("[[probe]]", Probe, entry) for entry in probes),
             *(("[[parameter]]", Parameter, entry) for entry in parameters),
             *(("[[control]]", Control, entry) for entry in controls),

@@ -330,8 +330,9 @@ def _rank(heading: str) -> int:
         "minimise", "constraints",
     )  # fmt: skip
     others = (
-        "[[obstacle]]", "[[contact]]", "[[joint]]", "[[spring]]", "[[probe]]", "[[parameter]]",
-        "[[control]]", "[[measure]]", "[objective]", "[drop]", "[solve]", "[output]",
+        "[[obstacle]]", "[[contact]]", "[[joint]]", "[[spring]]", "[[tie]]", "[[probe]]",
+        "[[parameter]]", "[[control]]", "[[measure]]", "[objective]", "[drop]", "[solve]",
+        "[output]",
     )  # fmt: skip
     order = (TOP, *bodies, *others, *inline)
     return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

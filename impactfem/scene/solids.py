@@ -99,6 +99,7 @@ class Solid(BodyKind):
     joined_whole: ClassVar[bool] = False
     joined_by_surface: ClassVar[bool] = True
     sprung_inside: ClassVar[bool] = True
+    tied: ClassVar[bool] = True
     parts_in_joints: ClassVar[str] = "surfaces"
 
     name: str = key(Name(), "name of the body in histories", default="solid")

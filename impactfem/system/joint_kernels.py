@@ -200,25 +200,37 @@ def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms, couple
         for side in range(2):
             of[filled[bodies[t, side]]] = 2 * t + side
             filled[bodies[t, side]] += 1
+    # Couples by the body that moves the other one; each body's own.
+    from_, own = np.zeros(len(inverse_mass) + 1, dtype=np.int64), np.zeros((len(inverse_mass), 2))
+    for c in range(len(couples)):
+        from_[couples[c, 1] + 1] += 1
+        if couples[c, 0] == couples[c, 1]:
+            for k in range(3):
+                own[couples[c, 0], 0] += compliance[c, k, k]
+                own[couples[c, 0], 1] += compliance[c, k + 3, k + 3]
+    from_ = np.cumsum(from_)
+    pushed, filled = np.empty(len(couples), dtype=np.int64), from_.copy()
+    for c in range(len(couples)):
+        pushed[filled[couples[c, 1]]] = c
+        filled[couples[c, 1]] += 1
     moved = np.empty(6)
     for t in range(len(rows)):
         for side in range(2):
             body = bodies[t, side]
             push, twist = gradient[t, side, :3], gradient[t, side, 3:]
-            light, free = 3.0 * inverse_mass[body], np.trace(freedoms[body])
-            for c in range(len(couples)):
-                if couples[c, 0] == body and couples[c, 1] == body:
-                    light += np.trace(compliance[c, :3, :3])
-                    free += np.trace(compliance[c, 3:, 3:])
+            light = 3.0 * inverse_mass[body] + own[body, 0]
+            free = np.trace(freedoms[body]) + own[body, 1]
             sizes[rows[t]] += light * dot(push, push) + abs(free) * dot(twist, twist)
             put(push, inverse_mass[body], moved[:3])
             put(by(freedoms[body], twist), 1.0, moved[3:])
             _move(found[:, rows[t]], rows, last, moved, of[ends[body] : ends[body + 1]])
-            for c in range(len(couples)):
-                if couples[c, 1] == body:
-                    other = couples[c, 0]
-                    along = compliance[c] @ gradient[t, side]
-                    _move(found[:, rows[t]], rows, last, along, of[ends[other] : ends[other + 1]])
+            for c in pushed[from_[body] : from_[body + 1]]:
+                other = couples[c, 0]
+                for i in range(6):
+                    moved[i] = 0.0
+                    for k in range(6):
+                        moved[i] += compliance[c, i, k] * gradient[t, side, k]
+                _move(found[:, rows[t]], rows, last, moved, of[ends[other] : ends[other + 1]])
     for r in range(count):
         if abs(found[r, r]) <= ROUNDING * sizes[r]:
             found[r, :] = 0.0

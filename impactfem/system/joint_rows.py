@@ -6,6 +6,8 @@ from impactfem.arrays import Floats
 from impactfem.scene import Joint
 from impactfem.system.joint_kernels import ANGLE, DISTANCE, DOT, POINT, SLIDE
 from impactfem.system.rigid import in_space
+from impactfem.system.stations import Tied
+from impactfem.system.ties import TiedPlace
 
 
 class Rows:
@@ -21,6 +23,27 @@ class Rows:
         self.owner.append(joint)
         self.holding.append(holds)
         return len(self.owner) - 1
+
+    def tie(
+        self, joint: int, bodies: tuple[int, int], tied: TiedPlace, places: Floats, turns: Floats
+    ) -> None:
+        """Add those that hold two stations together along axes in space.
+
+        Args:
+            joint: The tie.
+            bodies: The stations.
+            tied: Where it is, and along which axes.
+            places: Of all stations [m], (stations, 3).
+            turns: Their rotations, (stations, 3, 3).
+        """
+        arms = np.zeros((2, 3))
+        for side, (body, (_, at, what)) in enumerate(zip(bodies, tied.sides, strict=True)):
+            if body:
+                arm = tied.arms[side] if isinstance(what, Tied) else at - places[body]
+                arms[side] = turns[body].T @ arm
+        for k in tied.along:
+            row, axes = self.add(joint, holds=True), np.tile(np.eye(3)[k], (2, 1))
+            self.terms.append((POINT, row, bodies, arms, axes, np.zeros((2, 3)), 1.0))
 
 
 class JointFrame:

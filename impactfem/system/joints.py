@@ -1,6 +1,6 @@
 """Joints of a scene as rows: what they hold, along what their springs, motors and limits act."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -26,6 +26,7 @@ from impactfem.system.joint_rows import JointFrame, Rows
 from impactfem.system.moving_ground import MovingGround, drive_at
 from impactfem.system.rigid import in_space
 from impactfem.system.stations import Asked, HasStations, Stations, couples
+from impactfem.system.ties import TiedPlace
 
 _ALONG = ("moving", "rubbing", "stopping", "driven")
 """Rows along the coordinate of a joint."""
@@ -81,6 +82,7 @@ class Joints:
         moving: Row of the coordinate of each joint, -1 where it has none, (joints,).
         rubbing, stopping, driven: Rows of its friction, its limits and its drive, likewise.
         start: Values of the rows at t = 0, (rows,).
+        extent: How far from the origin anything is held [m], by which places round.
     """
 
     joints: tuple[Joint, ...]
@@ -101,6 +103,7 @@ class Joints:
     stopping: Integers
     driven: Integers
     start: Floats
+    extent: float
 
     @property
     def count(self) -> int:
@@ -144,8 +147,9 @@ class Joints:
             if any(not formula.is_constant and part > _MOVING for formula, part in each):
                 names = " and ".join(name for name in joint.between or () if name != GROUND)
                 raise SceneError(
-                    f"joint {joint.name}: motion moves {names} along ({_shown(along)[1:-1]}), "
-                    "where it does not move: give 0 there, or another kind of body"
+                    f"{joint.heading} {joint.name}: motion moves {names} along "
+                    f"({_shown(along)[1:-1]}), where it does not move: give 0 there, or another "
+                    "kind of body"
                 )
         return replace(self, holding=self.holding & ~still)
 
@@ -257,8 +261,8 @@ class Joints:
             return
         joint = self.joints[self.owner[worst]]
         text = (
-            f"joint {joint.name}: its bodies part with {abs(apart[worst]):.4g} (m/s, or rad/s) at "
-            "t = 0; give velocities that it allows"
+            f"{joint.heading} {joint.name}: its bodies part with {abs(apart[worst]):.4g} "
+            "(m/s, or rad/s) at t = 0; give velocities that it allows"
         )
         given = [keys for _, each in self.parts for keys in [each.given] * len(each.names)]
         fixed = [n for _, each in self.parts for n in each.names if not (each.given or each.told)]
@@ -302,12 +306,15 @@ def _shown(values: Floats) -> str:
     return "[" + ", ".join(f"{round(value, 12) + 0.0:.9g}" for value in values.tolist()) + "]"
 
 
-def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
-    """The joints of a scene; None without any.
+def joints_of(
+    scene: Scene, bodies: Sequence[HasStations], ties: Mapping[str, Sequence[TiedPlace]]
+) -> Joints | None:
+    """The joints of a scene, its ties and springs; None without any.
 
     Args:
         scene: The scene.
         bodies: Its solids, and its bodies without meshes.
+        ties: Where ties hold them, by their names.
 
     Raises:
         SceneError: Bodies part in a joint at t = 0.
@@ -315,7 +322,7 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
     if not scene.couplings:
         return None
     ground = MovingGround(tuple(j.motion for j in scene.couplings if j.motion is not None))
-    parts, at = _held(scene, bodies, ground.count)
+    parts, at = _held(scene, bodies, ground.count, ties)
     each = [stations for _, stations in parts]
     names = (*([GROUND] * ground.count), *(name for stations in each for name in stations.names))
     still = ground.turns
@@ -338,12 +345,17 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
     for k, joint in enumerate(scene.couplings):
         if joint.between is None:
             continue
+        for place, tied in enumerate(ties.get(joint.name, ())):
+            both = at[k, place, 0], at[k, place, 1]
+            rows.tie(k, both, tied, places, turns)
+        if joint.name in ties:
+            continue
         # Directions turn with the first side: a point has none that do.
         sides = [name.partition("/") for name in joint.between]
         turn = [body not in turning or turning[body](on) for body, _, on in sides]
-        mine = (own_axes[at[k, side]] for side in range(2))
+        mine = (own_axes[at[k, 0, side]] for side in range(2))
         made = JointFrame(
-            joint, (at[k, 0], at[k, 1]), places, turns, swapped=joint.leads and not turn[0],
+            joint, (at[k, 0, 0], at[k, 0, 1]), places, turns, swapped=joint.leads and not turn[0],
             basis=next((axes for axes in mine if axes is not None), np.eye(3)),
         )  # fmt: skip
         for kind, first, second in made.held(dim, turning=all(turn)):
@@ -352,13 +364,7 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
         for name in _acting(joint):
             own[name][k] = rows.add(k, holds=name == "driven")
             made.put(rows, int(own[name][k]), *made.coordinate)
-    for k, joint in enumerate(scene.couplings):
-        if joint.joints is None:
-            continue
-        row = rows.add(k, holds=True)
-        for name, share in zip(joint.joints, (-float(joint.ratio or 0.0), 1.0), strict=True):
-            kind, _, both, arms, axes, across, _ = rows.terms[coordinates[name]]
-            rows.terms.append((kind, row, both, arms, axes, across, share))
+    _add_gears(scene, rows, coordinates)
     kinds, of, bodies, all_arms, all_axes, all_across, shares = zip(*rows.terms, strict=True)
     terms = Terms(
         np.array(kinds), np.array(of), np.array(bodies), np.array(all_arms), np.array(all_axes),
@@ -373,28 +379,57 @@ def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
         (light, inertia, inverse),
         couples([stations.compliance for stations in each], ground.count), terms,
         np.array(rows.owner), np.array(rows.holding), **own,
-        start=terms.sums(first, len(rows.owner)),
+        start=terms.sums(first, len(rows.owner)), extent=_extent(places, terms.arms, ties),
     )  # fmt: skip
     found.check_start(ground.fastest(scene.duration))
     return found.without_still()
 
 
+def _add_gears(scene: Scene, rows: Rows, coordinates: Mapping[str, int]) -> None:
+    """Add rows of gears, by the terms of the coordinates of their joints."""
+    for k, joint in enumerate(scene.couplings):
+        if joint.joints is None:
+            continue
+        row = rows.add(k, holds=True)
+        for name, share in zip(joint.joints, (-float(joint.ratio or 0.0), 1.0), strict=True):
+            kind, _, both, arms, axes, across, _ = rows.terms[coordinates[name]]
+            rows.terms.append((kind, row, both, arms, axes, across, share))
+
+
+def _extent(places: Floats, arms: Floats, ties: Mapping[str, Sequence[TiedPlace]]) -> float:
+    """See `Joints.extent`."""
+    tied = (at for each in ties.values() for held in each for _, at, _ in held.sides)
+    least = max((float(np.abs(at).max()) for at in tied), default=0.0)
+    return max(least, float(np.abs(places).max() + np.abs(arms).max(initial=0.0)))
+
+
+type _Place = tuple[int, int, int]  # a joint, a place of it, a side
+
+
 def _held(
-    scene: Scene, every: Sequence[HasStations], count: int
-) -> tuple[tuple[tuple[int, Stations], ...], dict[tuple[int, int], int]]:
-    """Systems that joints hold, and stations by joint and side; the first are the ground's."""
+    scene: Scene,
+    every: Sequence[HasStations],
+    count: int,
+    ties: Mapping[str, Sequence[TiedPlace]],
+) -> tuple[tuple[tuple[int, Stations], ...], dict[_Place, int]]:
+    """Systems that joints hold, and stations; the first are the ground's."""
     parts: list[tuple[int, Stations]] = []
     moved = [k for k, joint in enumerate(scene.couplings) if joint.motion is not None]
-    at = {(k, side): 1 + n for n, k in enumerate(moved) for side in range(2)}
+    at = {(k, 0, side): 1 + n for n, k in enumerate(moved) for side in range(2)}
+    wanted = list[tuple[_Place, Asked]]()
+    for k, joint in enumerate(scene.couplings):
+        if joint.name in ties:
+            each = enumerate(ties[joint.name])
+            wanted += [((k, n, s), held.sides[s]) for n, held in each for s in range(2)]
+            continue
+        for side, name in enumerate(joint.between or ()):
+            at_start = in_space(np.asarray(joint.places[side], dtype=float))
+            wanted.append(((k, 0, side), (name, at_start, joint.radius)))
+    for where, _ in wanted:
+        at.setdefault(where, 0)
     for place, bodies in enumerate(every):
-        sides, asked = [], list[Asked]()
-        for k, joint in enumerate(scene.couplings):
-            for side, name in enumerate(joint.between or ()):
-                at.setdefault((k, side), 0)
-                if side_of(name)[0] in bodies.names:
-                    sides.append((k, side))
-                    at_start = in_space(np.asarray(joint.places[side], dtype=float))
-                    asked.append((name, at_start, joint.radius))
+        mine = [each for each in wanted if side_of(each[1][0])[0] in bodies.names]
+        sides, asked = [where for where, _ in mine], [held for _, held in mine]
         if not asked:
             continue
         stations = bodies.stations(asked)

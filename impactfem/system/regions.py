@@ -10,8 +10,9 @@ from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.closest import closest_shares, distances
 from impactfem.system.rigid import in_space
+from impactfem.system.stations import Tied
 
-type Key = tuple[str, tuple[float, ...], float | None]
+type Key = tuple[str, tuple[float, ...], float | Tied | None]
 """A side of a joint, its place at t = 0 [m], and the radius that it gives [m]."""
 
 _FLAT = 1e-9  # share of the largest moment of a tip below which its nodes lie on a line

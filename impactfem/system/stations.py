@@ -7,14 +7,22 @@ their coordinates' rates, and an impulse there moves the whole body.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
 
-type Asked = tuple[str, Floats, float | None]
+
+class Tied(NamedTuple):
+    """What a tie holds instead of a radius: its name, and the number of its place."""
+
+    tie: str
+    place: int
+
+
+type Asked = tuple[str, Floats, float | Tied | None]
 """A side of a joint: its name, its place at t = 0 [m], (3,), and the radius of its region [m]."""
 
 

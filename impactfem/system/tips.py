@@ -19,7 +19,7 @@ from impactfem.arrays import Integers
 from impactfem.fem import gather
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.regions import HeldRegion, Key
-from impactfem.system.stations import Asked, Stations
+from impactfem.system.stations import Asked, Stations, Tied
 from impactfem.system.surface import SurfaceNodes
 
 
@@ -68,7 +68,8 @@ class Tips:
             place, own = held.tip()
             row = np.zeros((6, nodes.count, nodes.dim))
             row[:, np.searchsorted(every, held.numbers)] = own
-            places.append(place)
+            # Ties hold displacements, which places would round; see `Joints.extent`.
+            places.append(np.zeros(3) if isinstance(key[2], Tied) else place)
             rows.append(row.reshape(6, -1))
         moved, moving = nodes.gather(system.displacement).ravel(), np.array(rows)
         found = Stations.along(
