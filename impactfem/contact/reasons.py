@@ -73,10 +73,9 @@ def explain(
         return f"{int(nodes.sum())} nodes ({', '.join(parts)})"
 
     kept = able.any(axis=0)
-    if not kept.any() and "joints" in holding:
-        said = ["no face of the body can touch an obstacle"]
-    elif not kept.any():
-        said = ["warning: no face of the body can touch an obstacle: it flies freely"]
+    if not kept.any():
+        alone = "warning: no face of the body can touch an obstacle: it flies freely"
+        said = [alone.partition(": ")[2].partition(": ")[0] if "joints" in holding else alone]
     else:
         said = [f"{counted(kept)} of the {int(on_asked.sum())} on the outside can touch"]
         said += [

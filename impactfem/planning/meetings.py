@@ -52,12 +52,13 @@ def _told_of(
     if meets:
         return []
     if not why and (part.contact is None or not part.contact.count):
+        if any(name in joint.bodies for joint in scene.couplings):
+            return []  # a joint moves it
         asked = any(name in {one, two} for (one, _), (two, _) in body_pairs(scene))
         because = "no face of it looks at another body or an obstacle"
         if not asked and not part.obstacles:
-            free = not scene.obstacles and len(scene.bodies) == 1
-            if free or any(name in joint.bodies for joint in scene.couplings):
-                return []  # it vibrates, or a joint moves it
+            if not scene.obstacles and len(scene.bodies) == 1:
+                return []  # it vibrates
             because = "no [[contact]] names it"
         why.append(f"body {name} touches nothing: {because}")
     return [warning("meets_nothing", text, name) for text in why]
