@@ -88,6 +88,19 @@ def cell_quadrature(cell: str, degree: int) -> tuple[NDArray[np.float64], NDArra
     return points, weights
 
 
+def point_space(mesh: Any, degree: int, shape: tuple[int, ...]) -> Any:
+    """Space of functions that have values at the points of a quadrature only.
+
+    Args:
+        mesh: The mesh.
+        degree: Of the quadrature; the points are those of `cell_quadrature`.
+        shape: Of the values.
+    """
+    cell = mesh.topology.cell_type.name
+    element = basix.ufl.quadrature_element(cell, value_shape=shape, degree=degree)
+    return dolfinx.fem.functionspace(mesh, element)
+
+
 def from_gmsh_order(cell: str, nodes: int) -> NDArray[np.int64]:
     """The order p with ``dolfinx_nodes[i] = gmsh_nodes[p[i]]`` for cells of so many nodes."""
     kind = dolfinx.cpp.mesh.to_type(cell)

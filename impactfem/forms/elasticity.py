@@ -87,9 +87,9 @@ class ElasticForms:
         """Bilinear form of the stiffness."""
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
         if self.whole is not None:
-            return self.measured(ufl.inner(self.stress(u), self.strain(v)))
+            return self.measured(ufl.inner(self.elastic_stress(self.strain(u)), self.strain(v)))
         volumetric = self.first_lame * self.dilatation(u) * self.dilatation(v)
-        return self.deviatoric_stiffness + volumetric * self.weight * self._dx(self._degree)
+        return self.deviatoric_stiffness + volumetric * self.weight * self._dx(self.degree)
 
     @property
     def deviatoric_stiffness(self) -> Any:
@@ -97,13 +97,13 @@ class ElasticForms:
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
         if self.whole is not None:
             meant = 0.0 if self.kept is None else self.kept * self.first_lame
-            density = ufl.inner(self.stress(u), self.strain(v))
+            density = ufl.inner(self.elastic_stress(self.strain(u)), self.strain(v))
             return self.measured(density - meant * self.dilatation(u) * self.dilatation(v))
         density = 2.0 * self.shear_modulus * ufl.inner(self.strain(u), self.strain(v))
         if self.kept is not None:
             local = (1.0 - self.kept) * self.first_lame
             density += local * self.dilatation(u) * self.dilatation(v)
-        return density * self.weight * self._dx(self._degree)
+        return density * self.weight * self._dx(self.degree)
 
     def mean_dilatation(self, dilatations: Any) -> tuple[Any, Any]:
         """Forms G and D of the dilatation in the mean (see the module).
@@ -116,7 +116,7 @@ class ElasticForms:
             ufl.TrialFunction(dilatations),
             ufl.TestFunction(dilatations),
         )
-        dx = self._dx(self._degree)
+        dx = self._dx(self.degree)
         # Where it does not count 1 stands for lambda, which may be 0 there.
         first, squares = self.first_lame, q * p
         if self.kept is not None:
@@ -158,7 +158,7 @@ class ElasticForms:
         """What can be shown of a state, scalars or 3 x 3 tensors: von Mises stress [Pa]."""
         strain = self.strain(displacement)
         if self.whole is not None:
-            shear = ufl.dev(ufl.as_tensor(_in_space(_stress(self.whole, strain))))
+            shear = ufl.dev(symmetric(contracted(self.whole, strain), 3))
             return {"von_mises": ufl.sqrt(1.5 * ufl.inner(shear, shear))}
         trace = self.dilatation(displacement)
         # Squares of the full strain, whose direct component out of the plane needs its own term.
@@ -171,7 +171,7 @@ class ElasticForms:
 
     def measured(self, integrand: Any) -> Any:
         """Integral over the body, with the quadrature of the stiffness."""
-        return integrand * self.weight * self._dx(self._degree)
+        return integrand * self.weight * self._dx(self.degree)
 
     def strain(self, u: Any) -> Any:
         """Strain tensor; with the hoop strain u_r / r as third direct component if axisymmetric."""
@@ -183,11 +183,9 @@ class ElasticForms:
             ((strain[0, 0], strain[0, 1], 0.0), (strain[1, 0], strain[1, 1], 0.0), (0.0, 0.0, hoop))
         )
 
-    def stress(self, u: Any) -> Any:
-        """Stress tensor [Pa], of the size of the strain: C : eps."""
-        strain = self.strain(u)
-        size = int(strain.ufl_shape[0])
-        return ufl.as_tensor([row[:size] for row in _in_space(_stress(self.whole, strain))[:size]])
+    def elastic_stress(self, strain: Any) -> Any:
+        """Stress tensor C : eps [Pa] of a strain, of its size, where there is a C."""
+        return symmetric(contracted(self.whole, strain), int(strain.ufl_shape[0]))
 
     def dilatation(self, u: Any) -> Any:
         """Trace of the strain; for plane stress of that in the plane."""
@@ -198,7 +196,7 @@ class ElasticForms:
         return int(self.space.ufl_element().degree)
 
     @property
-    def _degree(self) -> int:
+    def degree(self) -> int:
         """Quadrature degree of the stiffness: full integration, also on curved elements."""
         if self.simplex and self.model != "axisymmetric":
             return 1 if self._order == 1 else 2 * self._order
@@ -215,18 +213,21 @@ class ElasticForms:
         return ufl.Measure("dx", self.space.mesh, metadata={"quadrature_degree": degree})
 
 
-def _stress(whole: Any, strain: Any) -> list[Any]:
+def contracted(whole: Any, strain: Any) -> list[Any]:
     """Components of C : eps [Pa], as many as C has rows."""
     count = whole.ufl_shape[0]
     given = [
         (strain[i, j] + strain[j, i]) * (0.5 if i == j else 1.0)
-        if max(i, j) < strain.ufl_shape[0] else 0.0
+        if max(i, j) < strain.ufl_shape[0]
+        else 0.0
         for i, j in PLACES[:count]
-    ]  # fmt: skip
+    ]
     return [sum(whole[a, b] * given[b] for b in range(count)) for a in range(count)]
 
 
-def _in_space(components: list[Any]) -> list[list[Any]]:
-    """Rows of a symmetric tensor in space by its first four components, or by all six."""
-    xx, yy, zz, xy, yz, zx = (*components, 0.0, 0.0)[:6]
-    return [[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]
+def symmetric(components: Any, size: int) -> Any:
+    """Symmetric tensor of a size by its components in space, the first four or all six."""
+    count = components.ufl_shape[0] if hasattr(components, "ufl_shape") else len(components)
+    xx, yy, zz, xy, yz, zx = (*(components[k] for k in range(count)), 0.0, 0.0)[:6]
+    rows = [[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]
+    return ufl.as_tensor([row[:size] for row in rows[:size]])

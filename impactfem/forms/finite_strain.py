@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 from impactfem.fem import ufl
-from impactfem.forms.elasticity import ElasticForms
+from impactfem.forms.elasticity import ElasticForms, contracted, symmetric
 
 _SMALL = 0.03
 """Below it logarithms of ratios near 1 are summed as series, which leave out y^10 / 11."""
@@ -29,13 +29,11 @@ class Moduli(NamedTuple):
         first_lame: lambda of small strains.
         shear_modulus: mu of small strains.
         c01: Of Mooney's and Rivlin's law.
-        linear: 1 in cells whose law is linear, 0 in others, for bodies with both.
     """
 
     first_lame: Any
     shear_modulus: Any
     c01: Any
-    linear: Any = 0.0
 
 
 class Law(Protocol):
@@ -48,14 +46,6 @@ class Law(Protocol):
     @staticmethod
     def stress(before: Any, after: Any, change: Any, moduli: Moduli) -> Any:
         """Discrete gradient S [Pa] between two strains, whose difference is given."""
-
-    @staticmethod
-    def coefficients(trace: Any, log: Any, moduli: Moduli) -> tuple[Any, Any, Any]:
-        """Of I, C and its inverse in S = dW/dE [Pa], by tr C and ln J in space.
-
-        So J times the true stress is the first times B = F F^T, the second times B^2 and the third
-        times I. Numbers, arrays or expressions of UFL.
-        """
 
 
 class StVenantKirchhoff:
@@ -73,12 +63,6 @@ class StVenantKirchhoff:
         mean = 0.5 * (before + after)
         unit = ufl.Identity(_size(mean))
         return moduli.first_lame * ufl.tr(mean) * unit + 2.0 * moduli.shear_modulus * mean
-
-    @staticmethod
-    def coefficients(trace: Any, log: Any, moduli: Moduli) -> tuple[Any, Any, Any]:  # noqa: ARG004
-        """See `Law`."""
-        shear = moduli.shear_modulus
-        return 0.5 * moduli.first_lame * (trace - 3.0) - shear, shear, 0.0
 
 
 class MooneyRivlin:
@@ -122,45 +106,6 @@ class MooneyRivlin:
         shearing = 2.0 * (first + second * (2.0 + ufl.tr(twice))) * unit - 2.0 * second * twice
         return shearing + 2.0 * divided * gradient
 
-    @staticmethod
-    def coefficients(trace: Any, log: Any, moduli: Moduli) -> tuple[Any, Any, Any]:
-        """See `Law`."""
-        first, second, pressing, bulk = _mooney(moduli)
-        return 2.0 * (first + second * trace), -2.0 * second, bulk * log - 2.0 * pressing
-
-
-class EitherLaw:
-    """The linear law in some cells, that of Mooney and Rivlin in others."""
-
-    @staticmethod
-    def energy(strain: Any, moduli: Moduli) -> Any:
-        """See `Law`."""
-        each = (law.energy(strain, moduli) for law in (StVenantKirchhoff, MooneyRivlin))
-        return _either(moduli.linear, *each)
-
-    @staticmethod
-    def stress(before: Any, after: Any, change: Any, moduli: Moduli) -> Any:
-        """See `Law`."""
-        laws = (StVenantKirchhoff, MooneyRivlin)
-        each = (law.stress(before, after, change, moduli) for law in laws)
-        return _either(moduli.linear, *each)
-
-    @staticmethod
-    def coefficients(trace: Any, log: Any, moduli: Moduli) -> tuple[Any, Any, Any]:
-        """See `Law`; expressions of UFL only."""
-        laws = (StVenantKirchhoff, MooneyRivlin)
-        pairs = zip(*(law.coefficients(trace, log, moduli) for law in laws), strict=True)
-        one, two, three = (_either(moduli.linear, *pair) for pair in pairs)
-        return one, two, three
-
-
-def _either(first: Any, one: Any, other: Any) -> Any:
-    """One where ``first`` is 1, the other where it is 0; what is not taken may be no number."""
-    if not (shape := getattr(one, "ufl_shape", ())):
-        return ufl.conditional(ufl.gt(first, 0.5), one, other)
-    rows, columns = (range(count) for count in shape)
-    return ufl.as_tensor([[_either(first, one[i, j], other[i, j]) for j in columns] for i in rows])
-
 
 def _mooney(moduli: Moduli) -> tuple[Any, Any, Any, Any]:
     """c10, c01, c10 + 2 c01 and lambda'."""
@@ -173,9 +118,18 @@ LAWS: Mapping[str, type[Law]] = {
     "neo_hookean": MooneyRivlin,
     "mooney_rivlin": MooneyRivlin,
 }
-"""Laws by the name of the scene's key ``material``; a further one is a class and a line here.
+"""Laws with forms of their own by the name of the scene's key ``material``; the others are found
+point by point, see `PointLaw`.
 
 The neo-Hookean law is that of Mooney and Rivlin with c01 = 0."""
+
+
+class PointLaw(Protocol):
+    """What a law says at the points of the quadrature: see `impactfem.system.point_stress`."""
+
+    stress: Any
+    slopes: Any
+    across: Any
 
 
 @dataclass(frozen=True)
@@ -183,14 +137,13 @@ class FiniteForms:
     """UFL forms of a body under finite strain.
 
     Attributes:
-        elastic: Measures and the data of the material; plane stress has no such forms.
-        law: Of the material.
+        elastic: Measures and the data of the material.
+        law: Of the material, or its values at points.
         c01: Of Mooney's and Rivlin's law [Pa].
         viscosity: Kelvin's and Voigt's, of a step: S gains viscosity (lambda tr(dE) I + 2 mu dE),
             with the time of retardation over the time step.
         local: lambda at points [Pa], of bodies only some cells of which keep their volume in the
             mean; None: that of small strains, or what `pressing` leaves of it.
-        linear: As of `Moduli`.
         damped: Share of the viscosity, of bodies of several materials.
         pressing: Of nearly incompressible bodies, whose lambda' is asked of the mean of J in each
             cell: the pressure p there [Pa], by which S gains p dJ/dE; else None. See
@@ -198,16 +151,17 @@ class FiniteForms:
     """
 
     elastic: ElasticForms
-    law: type[Law]
+    law: type[Law] | PointLaw
     c01: Any
     viscosity: Any
     pressing: Any = None
     local: Any = None
-    linear: Any = 0.0
     damped: Any = 1.0
 
     def energy(self, displacement: Any) -> Any:
-        """Functional W [J], without what means of cells have of it."""
+        """Functional W [J] of laws with forms, without what means of cells have of it."""
+        if not isinstance(self.law, type):
+            return self.elastic.measured(0.0 * displacement[0])
         return self.elastic.measured(self.law.energy(self._strain(displacement), self._moduli))
 
     def force(self, before: Any, after: Any) -> Any:
@@ -218,15 +172,39 @@ class FiniteForms:
         gradient = self._gradient(middle)
         mean = ufl.Identity(_size(gradient)) + gradient
         change = ufl.sym(mean.T * self._gradient(moved))
-        moduli = self._moduli
-        retarded = moduli.first_lame * ufl.tr(change) * ufl.Identity(_size(change))
-        retarded += 2.0 * moduli.shear_modulus * change
-        stress = self.law.stress(self._strain(before), self._strain(after), change, moduli)
-        stress += self.viscosity * self.damped * retarded
+        stress = self._stress(before, after, change)
+        stress += self.viscosity * self.damped * self._linear(change)
         density = ufl.inner(mean * stress, self._gradient(v))
         if self.pressing is not None:
             density += self.pressing * self.swept(before, after, v)
         return self.elastic.measured(density)
+
+    def _linear(self, change: Any) -> Any:
+        """Stress of a strain by small strains [Pa], but for what means of cells have of it."""
+        moduli, full = self._moduli, self.elastic
+        unit = ufl.tr(change) * ufl.Identity(_size(change))
+        if full.whole is None:
+            return moduli.first_lame * unit + 2.0 * moduli.shear_modulus * change
+        found = full.elastic_stress(change)
+        return found if self.local is None else found - (full.first_lame - self.local) * unit
+
+    def _stress(self, before: Any, after: Any, change: Any) -> Any:
+        """Discrete gradient S [Pa], as `Law` has it."""
+        if isinstance(self.law, type):
+            strains = self._strain(before), self._strain(after)
+            return self.law.stress(*strains, change, self._moduli)
+        return symmetric(self.law.stress, _size(change))
+
+    def stiffening(self, before: Any, after: Any) -> Any:
+        """Bilinear form by which values at points change with the end of a step; 0 of forms."""
+        if isinstance(self.law, type):
+            return 0.0
+        v, u = ufl.TestFunction(self.elastic.space), ufl.TrialFunction(self.elastic.space)
+        unit = ufl.Identity(_size(self._gradient(after)))
+        change = ufl.sym((unit + self._gradient(after)).T * self._gradient(u))
+        more = symmetric(contracted(self.law.slopes, change), _size(change))
+        mean = unit + self._gradient(0.5 * (before + after))
+        return self.elastic.measured(ufl.inner(mean * more, self._gradient(v)))
 
     def dilatation(self, displacement: Any) -> Any:
         """J - 1, without cancellation."""
@@ -277,17 +255,25 @@ class FiniteForms:
 
     def fields(self, displacement: Any) -> Mapping[str, Any]:
         """As `ElasticForms.fields`: true (Cauchy) stress [Pa], Green's strain, ratio of volumes."""
+        strain = _in_space(self._strain(displacement))
         full = ufl.Identity(3) + _in_space(self._gradient(displacement))
-        left, ratio = full * full.T, ufl.det(full)
-        unit, square, inverse = self.law.coefficients(ufl.tr(left), ufl.ln(ratio), self._moduli)
-        true = (unit * left + square * left * left + inverse * ufl.Identity(3)) / ratio
+        if isinstance(self.law, type):
+            stress = self.law.stress(strain, strain, 0.0 * strain, self._moduli)
+        else:
+            stress = symmetric(self.law.stress, 3)
+            if self.elastic.model == "plane_stress":
+                normal = ufl.as_tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+                strain += self.law.across * normal
+                full += (ufl.sqrt(1.0 + 2.0 * self.law.across) - 1.0) * normal
+        ratio = ufl.det(full)
+        true = full * stress * full.T / ratio
         if self.pressing is not None:
             true += self.pressing * ufl.Identity(3)
         deviatoric = ufl.dev(true)
         return {
             "von_mises": ufl.sqrt(1.5 * ufl.inner(deviatoric, deviatoric)),
             "cauchy_stress": true,
-            "green_strain": _in_space(self._strain(displacement)),
+            "green_strain": strain,
             "volume_ratio": ratio,
         }
 
@@ -296,7 +282,7 @@ class FiniteForms:
         # Of nearly incompressible bodies lambda' is no matter of points.
         first = self.elastic.first_lame if self.pressing is None else 4.0 * self.c01
         first = first if self.local is None else self.local
-        return Moduli(first, self.elastic.shear_modulus, self.c01, self.linear)
+        return Moduli(first, self.elastic.shear_modulus, self.c01)
 
     def _gradient(self, u: Any) -> Any:
         """Displacement gradient; with the hoop part u_r / r if axisymmetric."""

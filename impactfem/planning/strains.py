@@ -6,7 +6,7 @@ from dataclasses import replace
 from impactfem.errors import SceneError
 from impactfem.findings import Finding
 from impactfem.planning.model_limits import CODES
-from impactfem.scene import Scene
+from impactfem.scene import Scene, Solid
 
 _MOST = 0.4  # foreseen strain beyond which steps may not settle: that needs a choice of meshes
 _LAW = "neo_hookean"
@@ -22,13 +22,18 @@ def with_strains(scene: Scene, finite: Iterable[str]) -> Scene:
     """
     names = set(finite)
     solids = {
-        solid.name: replace(solid, strain="finite", material=_LAW)
+        solid.name: replace(solid, strain="finite", material=_law(solid))
         for solid in scene.solids
         if solid.name in names and not solid.is_finite
     }
     if not solids:
         return scene
     return replace(scene, bodies=tuple(solids.get(body.name, body) for body in scene.bodies))
+
+
+def _law(solid: Solid) -> str:
+    """The law of a body under finite strain: orthotropic ones are linear."""
+    return solid.material if solid.orthotropic else _LAW
 
 
 def finite_instead(
@@ -70,7 +75,7 @@ def told(beyond: Sequence[Finding], small: float | None, finite: float | None) -
         "" if small is None or finite is None else f" in about {small:.2g} s, not {finite:.2g} s"
     )
     return {
-        f"strain of {found.subject}": f"finite, neo-Hookean: {found.text.split(':')[0]}, where "
+        f"strain of {found.subject}": f"finite: {found.text.split(':')[0]}, where "
         f'small strains end; strain = "small" keeps these{price}'
         for found in beyond
     }

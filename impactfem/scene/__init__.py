@@ -23,6 +23,7 @@ from impactfem.scene.obstacles import (
     Wall,
 )
 from impactfem.scene.obstacles.rotation import Rotation
+from impactfem.scene.ogden import OgdenTerm
 from impactfem.scene.orthotropic import OrthotropicSolid
 from impactfem.scene.plate import Plate
 from impactfem.scene.plate_keys import EdgeSupport, FacePressure, Layer, Orthotropic
@@ -74,6 +75,7 @@ __all__ = [
     "Measure",
     "Mechanism",
     "Objective",
+    "OgdenTerm",
     "Orientation",
     "Orthotropic",
     "OrthotropicSolid",

@@ -5,19 +5,18 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from impactfem.scene.boundary import SPACE
-from impactfem.scene.given import FormulaLike, Given, MaybeTable
-from impactfem.scene.inline import InlineTable
+from impactfem.scene.given import FormulaLike, Given, MaybeTable, Tables
+from impactfem.scene.inline import InlineTable, ListOf
 from impactfem.scene.kinds import Choice, Real, RealOrFormula
+from impactfem.scene.ogden import OgdenTerm
 from impactfem.scene.orthotropic import OrthotropicSolid
 from impactfem.scene.schema import KeyedError, key, keys_of, table
+from impactfem.scene.solid_constants import CONSTANTS, LAWS, NONE
 from impactfem.scene.viscoelastic import VISCOELASTIC, KelvinVoigt, Maxwell
 
 if TYPE_CHECKING:
     from impactfem.scene.solids import Solid
 
-LAWS = ("linear", "neo_hookean", "mooney_rivlin")
-_ELASTIC = ("youngs_modulus", "poisson_ratio")
-_MOONEY = ("c10", "c01", "bulk_modulus")
 _OF_BODY = "as the body has it"
 
 
@@ -53,7 +52,11 @@ class Material:
         absent=_OF_BODY,
     )  # fmt: skip
     bulk_modulus: float | None = key(
-        Real(above=0), "bulk modulus at small strains, with c10 and c01", unit="Pa", default=None,
+        Real(above=0), "bulk modulus at small strains, with c10 and c01 or terms", unit="Pa",
+        default=None, absent=_OF_BODY,
+    )  # fmt: skip
+    terms: Tables[OgdenTerm] | None = key(
+        ListOf(InlineTable((OgdenTerm,))), 'terms of "ogden" and "foam"', default=None,
         absent=_OF_BODY,
     )  # fmt: skip
     viscoelastic: MaybeTable[KelvinVoigt | Maxwell] = key(
@@ -76,11 +79,14 @@ def solids_of(solid: "Solid") -> Mapping[str, "Solid"]:
         given = {own: getattr(material, own) for own in keys_of(Material)}
         own = {key: value for key, value in given.items() if value is not None}
         # Constants of the body that belong to another law are not meant for this one.
-        mooney = own.get("material", solid.material) == "mooney_rivlin"
-        left: dict[str, Any] = dict.fromkeys(_ELASTIC if mooney else _MOONEY)
-        if material.orthotropic is not None:
-            left = dict.fromkeys((*_ELASTIC, *_MOONEY)) | {"element": None}
-        elif set(own) & {*_ELASTIC, *_MOONEY, "material"}:
+        law = own.get("material", solid.material)
+        meant = () if material.orthotropic else CONSTANTS[law]
+        if any(term.beta is not None for term in own.get("terms", ())):
+            meant = ("terms",)
+        left: dict[str, Any] = {name: none for name, none in NONE.items() if name not in meant}
+        if material.orthotropic:
+            left |= {"element": None, "material": "linear"}
+        elif set(own) & {*NONE, "material"}:
             left["orthotropic"] = None
         if material.viscoelastic is not None:
             left["rayleigh_stiffness"] = 0.0  # that of the body is not meant either

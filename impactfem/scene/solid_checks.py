@@ -185,12 +185,6 @@ def _check_law(solid: "Solid") -> None:
                 text += 'or give strain = "finite".'
                 raise _fail(solid, f"pressures[{index}].follows", text)
         return
-    if solid.is_orthotropic:
-        text = ' is a law of small strains here: remove strain = "finite".'
-        raise _fail(solid, "orthotropic", text)
-    if solid.model == "plane_stress":
-        text = ' = "plane_stress" has no finite strain, whose thickness would follow at every '
-        raise _fail(solid, "model", text + 'point: give "plane_strain" or "3d".')
     if not solid.materials and solid.keeps_volume and solid.material == "linear":
         text = f" = {solid.poisson_ratio}: the linear law has no mean dilatation under finite "
         text += 'strain, and locks: give material = "neo_hookean", or strain = "small".'
@@ -201,6 +195,9 @@ def _check_element(solid: "Solid") -> None:
     """Refuse a mean dilatation where there is none, and where it does not help."""
     if solid.element == "mean_dilatation" and solid.model == "plane_stress":
         text = ' = "mean_dilatation" does not fit model = "plane_stress", which gives way across: '
+        raise _fail(solid, "element", text + "remove it.")
+    if solid.element == "mean_dilatation" and solid.material == "foam":
+        text = ' = "mean_dilatation" does not fit material = "foam", whose volume gives way: '
         raise _fail(solid, "element", text + "remove it.")
     asked = solid.is_finite or solid.element is not None
     if asked and solid.keeps_volume and solid.cells == "simplex" and solid.degree == 1:

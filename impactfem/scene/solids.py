@@ -26,15 +26,16 @@ from impactfem.scene.inline import (
     Vector,
 )
 from impactfem.scene.kinds import Choice, FilePath, Integer, Line, Name, Real, RealOrFormula
-from impactfem.scene.materials import LAWS, Material, solids_of
+from impactfem.scene.materials import Material, solids_of
 from impactfem.scene.mesh_files import MESH_FILES, PART
+from impactfem.scene.ogden import OgdenTerm
 from impactfem.scene.orthotropic import OrthotropicSolid
 from impactfem.scene.probes import STRAINS
 from impactfem.scene.schema import key, table
 from impactfem.scene.shape import MODELS
 from impactfem.scene.shapes import SHAPES, Block, Cylinder, Disc, Ring, Sphere
 from impactfem.scene.solid_checks import check_solid
-from impactfem.scene.solid_constants import check_constants
+from impactfem.scene.solid_constants import LAWS, check_constants, derived_constants, terms_of
 from impactfem.scene.viscoelastic import (
     VISCOELASTIC,
     KelvinVoigt,
@@ -49,11 +50,13 @@ STRAINS_OF = ("small", "finite")
 ELEMENTS = ("standard", "mean_dilatation")
 NEARLY_INCOMPRESSIBLE = 0.45
 """Poisson's ratio above which elements keep their volume in the mean only."""
-_IF_ELASTIC = 'required, but by materials, orthotropic or its constants for "mooney_rivlin"'
+_IF_ELASTIC = "required, but by materials, orthotropic or the constants of another law"
 _LAW_WORDS = {
     "linear": "elastic (St. Venant, Kirchhoff) under finite strain",
     "neo_hookean": "neo-Hookean under finite strain",
     "mooney_rivlin": "Mooney–Rivlin under finite strain",
+    "ogden": "Ogden under finite strain",
+    "foam": "foam (Ogden, Storåkers) under finite strain",
 }
 
 
@@ -196,10 +199,13 @@ class Solid(BodyKind):
     )
     bulk_modulus: float | None = key(
         Real(above=0),
-        "bulk modulus at small strains, with c10 and c01",
+        "bulk modulus at small strains, with c10 and c01 or terms",
         unit="Pa",
         default=None,
         absent="none",
+    )
+    terms: Tables[OgdenTerm] = key(
+        ListOf(InlineTable((OgdenTerm,))), 'terms of "ogden" and "foam"', default=()
     )
     velocity: Given[tuple[Formula, ...], Sequence[FormulaLike] | None] = key(
         Formulas(SPACE), "velocity at t = 0", unit="m/s", default=None, absent="0"
@@ -323,6 +329,11 @@ class Solid(BodyKind):
         return any(each.orthotropic for each in (self.of_groups or {"": self}).values())
 
     @property
+    def spectral(self) -> tuple[tuple[float, float, float], ...]:
+        """Terms of Ogden's law: mu [Pa], alpha and beta of each."""
+        return terms_of(self)
+
+    @property
     def largest_ratio(self) -> float:
         """Largest of Poisson's ratios of its materials."""
         each = (self.of_groups or {"": self}).values()
@@ -358,7 +369,8 @@ class Solid(BodyKind):
     @property
     def keeps_volume(self) -> bool:
         """Whether its elements keep their volume in the mean only: it is nearly incompressible."""
-        if self.model == "plane_stress" or self.orthotropic:  # it gives way across
+        gives_way = self.model == "plane_stress" or self.material == "foam"
+        if not self.materials and (gives_way or self.orthotropic):
             return False
         if self.materials:
             return any(each.keeps_volume for each in self.of_groups.values())
@@ -376,8 +388,7 @@ class Solid(BodyKind):
     @property
     def derived(self) -> tuple[str, ...]:
         """Keys that follow from others: scene files leave them out."""
-        by_others = self.orthotropic or self.material == "mooney_rivlin"
-        found = ("youngs_modulus", "poisson_ratio") if by_others else ()
+        found = () if self.materials else derived_constants(self)
         retarded = isinstance(self.viscoelastic, KelvinVoigt)
         return (*found, "rayleigh_stiffness") if retarded else found
 

@@ -10,9 +10,9 @@ import numpy as np
 from impactfem import fem
 from impactfem.arrays import Floats, Integers
 from impactfem.fem import ADD, MPI, dolfinx_fem
+from impactfem.system.element_tables import tabulated
 from impactfem.system.force_kernels import plane_forces, space_forces, stiffest, tangents
-from impactfem.system.law_kernels import KERNELS
-from impactfem.system.materials import materials_of
+from impactfem.system.materials import law_rows, materials_of
 from impactfem.system.nodes import Nodes
 
 
@@ -35,16 +35,14 @@ class ElementForces:
         """
         self._comm, self._dim = nodes.comm, nodes.dim
         mesh = nodes.space.mesh
-        owned = mesh.topology.index_map(mesh.topology.dim).size_local
-        self.cells = np.ascontiguousarray(nodes.space.dofmap.list[:owned])
-        own = materials_of(nodes, solid)
-        laws = np.where(own.linear, KERNELS["linear"], KERNELS["mooney_rivlin"])
-        parts = (part[:owned] for part in (laws, own.lame, own.shear, own.c01))
-        self._material: Floats = np.stack([*parts], axis=1).astype(np.float64)
-        softest = float(self._material[:, 2].min(initial=np.inf))
+        degree = 1 if fem.is_simplex(mesh) and not solid.is_axisymmetric else 3
+        self.cells, *data = tabulated(nodes, solid, degree)
+        self._data = (data[0], data[1], data[2])
+        own = materials_of(nodes, solid).at(slice(len(self.cells)))
+        self._material = law_rows(own, solid, own.lame)
+        softest = float(own.shear.min(initial=np.inf))
         self.softest: float = nodes.comm.allreduce(softest, op=MPI.MIN)
         self._kernel = space_forces if nodes.dim == 3 else plane_forces
-        self._data = _tabulated(nodes, self.cells, solid)
         # Vectors that DOLFINx exchanges between ranks.
         self.place, self._force = (dolfinx_fem.Function(nodes.space) for _ in range(2))
         self.displacement = self.place.x.array.reshape(-1, nodes.dim)
@@ -116,24 +114,3 @@ class CellForces:
     def tangents(self, slots: Any, blocks: Floats) -> None:
         """Fill blocks of the tangent [N/m]; see `force_kernels.tangents`."""
         tangents(self._material, self._whole.displacement, self.cells, slots, *self._data, blocks)
-
-
-def _tabulated(nodes: Nodes, cells: Any, solid: Any) -> tuple[Floats, Floats, Floats]:
-    """Gradients (cells, points, corners, dim), hoop (cells, points, corners) or empty, weights."""
-    mesh = nodes.space.mesh
-    name, axisymmetric = mesh.topology.cell_type.name, solid.is_axisymmetric
-    degree = 1 if fem.is_simplex(mesh) and not axisymmetric else 3
-    points, parts = fem.cell_quadrature(name, degree)
-    values, grads = fem.coordinate_basis(name, 1, points)
-    corners = nodes.positions[cells]
-    jacobian = np.einsum("cki,jpk->cpij", corners, grads)
-    table = np.einsum("jpk,cpji->cpki", grads, np.linalg.inv(jacobian))
-    weights = np.abs(np.linalg.det(jacobian)) * parts
-    hoop = np.zeros((0, 0, 0))
-    if axisymmetric:
-        radius = np.einsum("pk,ck->cp", values, corners[:, :, 0])
-        hoop = values / radius[:, :, None]
-        weights = 2.0 * np.pi * radius * weights
-    elif nodes.dim < 3:
-        weights = solid.thickness * weights
-    return np.ascontiguousarray(table), np.ascontiguousarray(hoop), np.ascontiguousarray(weights)

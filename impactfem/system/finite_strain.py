@@ -11,12 +11,13 @@ from impactfem import fem
 from impactfem.arrays import Floats
 from impactfem.fem import MPI, dolfinx_fem, ufl
 from impactfem.forms.elasticity import ElasticForms
-from impactfem.forms.finite_strain import LAWS, EitherLaw, FiniteForms
+from impactfem.forms.finite_strain import LAWS, FiniteForms, Law
 from impactfem.system.following import FollowingPressures
 from impactfem.system.materials import constants_of, materials_of
 from impactfem.system.matrices import body_forms
 from impactfem.system.mean_dilatation import CondensedMatrix, MeanDilatation
 from impactfem.system.nodes import Nodes
+from impactfem.system.point_stress import PointStress
 from impactfem.system.step_solvers import RenewedSolver
 
 
@@ -26,17 +27,25 @@ def finite_forms(
     """Forms of a solid with ``strain = "finite"``, by those that linear elasticity has of it."""
     cells = dolfinx_fem.functionspace(forms.space.mesh, ("Discontinuous Lagrange", 0))
     pressing = dolfinx_fem.Function(cells) if solid.keeps_volume else None
+    law = _law(nodes, forms, solid)
     if not solid.materials:
         # A number where it is 0: the compiled code has no more terms than it needs.
         c01 = dolfinx_fem.Constant(forms.space.mesh, solid.c01) if solid.c01 else 0.0
-        return FiniteForms(forms, LAWS[solid.material], c01, viscosity, pressing)
+        return FiniteForms(forms, law, c01, viscosity, pressing)
     made, material = constants_of(nodes, solid), materials_of(nodes, solid)
-    laws = {LAWS[each.material] for each in solid.of_groups.values()}
-    linear = made(np.where(material.linear, 1.0, 0.0)) if len(laws) > 1 else 0.0
-    law = EitherLaw if len(laws) > 1 else laws.pop()
     local = made(material.local) if solid.keeps_volume else None
     damped = made(material.damped)
-    return FiniteForms(forms, law, made(material.c01), viscosity, pressing, local, linear, damped)
+    return FiniteForms(forms, law, made(material.c01), viscosity, pressing, local, damped)
+
+
+def _law(nodes: Nodes, forms: ElasticForms, solid: Any) -> type[Law] | PointStress:
+    """The law of a body: by forms where they know it, of one law everywhere, else by points."""
+    names = {each.material for each in (solid.of_groups or {"": solid}).values()}
+    laws = {LAWS.get(name) for name in names}
+    law = laws.pop()
+    if laws or law is None or solid.is_orthotropic or solid.model == "plane_stress":
+        return PointStress(nodes, solid, forms.degree)
+    return law
 
 
 def mean_dilatation(
@@ -64,7 +73,20 @@ def shown(nodes: Nodes, elastic: ElasticForms, solid: Any, displacement: Any) ->
         return elastic.fields(displacement), None
     forms = finite_forms(nodes, elastic, solid)
     mean = mean_dilatation(nodes, forms, solid, displacement, displacement)
-    return forms.fields(displacement), None if mean is None else mean.update
+    points = _points(forms)
+
+    def refresh() -> None:
+        if mean is not None:
+            mean.update()
+        if points is not None:
+            points.update(displacement, displacement, slopes=False)
+
+    return forms.fields(displacement), refresh
+
+
+def _points(forms: FiniteForms) -> PointStress | None:
+    """What a law says at points, where forms do not know it."""
+    return forms.law if isinstance(forms.law, PointStress) else None
 
 
 class FiniteStrain:
@@ -93,6 +115,8 @@ class FiniteStrain:
         forms = finite_forms(nodes, body_forms(nodes, solid), solid, self._viscosity)
         self._before, self._after = dolfinx_fem.Function(space), dolfinx_fem.Function(space)
         self._mean = mean_dilatation(nodes, forms, solid, self._before, self._after)
+        self._points = _points(forms)
+        self._stiffening = forms.stiffening(self._before, self._after)
         force = forms.force(self._before, self._after)
         self._force, self._internal = fem.compile_form(force), force
         self._following, self._pressure = following, None
@@ -100,7 +124,8 @@ class FiniteStrain:
             pressure = following.form(forms, self._before, self._after)
             self._pressure = fem.compile_form(pressure)
             force -= pressure
-        self._tangent = fem.compile_form(ufl.derivative(force, self._after))
+        tangent = ufl.derivative(force, self._after) + self._stiffening
+        self._tangent = fem.compile_form(tangent)
         self._energy = fem.compile_form(forms.energy(self._after))
         self._inverted = fem.compile_form(forms.inverted(self._after))
 
@@ -124,7 +149,7 @@ class FiniteStrain:
 
     def force(self, before: Floats, after: Floats) -> Floats:
         """Forces of the nodes on the body in a step [N], (owned dofs,) (collective)."""
-        self.put(before, after)
+        self._put_both(before, after, slopes=False)
         return fem.assemble_vector(self._force)
 
     def press(self, start: float, end: float) -> None:
@@ -137,7 +162,7 @@ class FiniteStrain:
         """Forces of these pressures on the nodes in a step [N], (owned dofs,) (collective)."""
         if self._pressure is None:
             return np.zeros(len(before))
-        self.put(before, after)
+        self._put_both(before, after, slopes=False)
         return fem.assemble_vector(self._pressure)
 
     @cached_property
@@ -145,7 +170,8 @@ class FiniteStrain:
         """Compiled where it is asked for: without pressures it is the tangent."""
         if self._pressure is None:
             return self._tangent
-        return fem.compile_form(ufl.derivative(self._internal, self._after))
+        tangent = ufl.derivative(self._internal, self._after) + self._stiffening
+        return fem.compile_form(tangent)
 
     def tangent(self, before: Floats, after: Floats, *, pressed: bool = True) -> Any:
         """Derivative of `force`, less `pressed` unless told otherwise, by ``after`` [N/m].
@@ -189,15 +215,22 @@ class FiniteStrain:
 
     def put(self, before: Floats, after: Floats) -> None:
         """Set both ends of a step, of which a repeated tangent is assembled (collective)."""
+        self._put_both(before, after, slopes=True)
+
+    def _put_both(self, before: Floats, after: Floats, *, slopes: bool) -> None:
         self._put(self._before, before)
         self._put(self._after, after)
         if self._mean is not None:
             self._mean.update()
+        if self._points is not None:
+            self._points.update(self._before, self._after, slopes=slopes)
 
     def energy(self, displacement: Floats) -> float:
         """Elastic energy of the cells of this rank [J] (collective)."""
         self._put(self._after, displacement)
         cells = 0.0 if self._mean is None else self._mean.energy()
+        if self._points is not None:
+            return cells + self._points.energy(self._after)
         return cells + float(dolfinx_fem.assemble_scalar(self._energy))
 
     def is_inverted(self, displacement: Floats) -> bool:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from impactfem import fem
 from impactfem.arrays import Floats
 from impactfem.fem import dolfinx_fem
-from impactfem.forms.finite_strain import LAWS, FiniteForms
+from impactfem.forms.finite_strain import FiniteForms, StVenantKirchhoff
 from impactfem.system.loads import FormulaValues
 from impactfem.system.matrices import body_forms
 from impactfem.system.nodes import Nodes
@@ -99,7 +99,7 @@ class LevelPressures:
             following: Its pressures, of which there are some.
             displacement: Function of the nodes' space; its ghosts are up to date.
         """
-        forms = FiniteForms(body_forms(nodes, solid), LAWS[solid.material], 0.0, 0.0)
+        forms = FiniteForms(body_forms(nodes, solid), StVenantKirchhoff, 0.0, 0.0)  # no law acts
         self._following = following
         self._form = fem.compile_form(following.form(forms, displacement, displacement))
 

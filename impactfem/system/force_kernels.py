@@ -22,7 +22,7 @@ def plane_forces(material, u, cells, rows, table, hoop, weights, out):
     out[:] = 0.0
     energy, least = 0.0, np.inf
     for c in range(len(cells)):
-        own = (material[c, 0], material[c, 1], material[c, 2], material[c, 3])
+        own = material[c]
         for p in range(table.shape[1]):
             xx = xy = yx = yy = around = 0.0
             for k in range(cells.shape[1]):
@@ -60,7 +60,7 @@ def space_forces(material, u, cells, rows, table, hoop, weights, out):  # noqa: 
     """Sum up the forces of cells in space.
 
     Args:
-        material: Number of the law, lambda, mu and c01 [Pa] of each cell, (cells, 4).
+        material: Of each cell, as `law_kernels.stress` takes them, (cells, entries).
         u: Displacement of the nodes [m], (nodes, 3).
         cells: Nodes of each cell, (cells, corners).
         rows: Where the forces of each are added, (cells, corners).
@@ -77,7 +77,7 @@ def space_forces(material, u, cells, rows, table, hoop, weights, out):  # noqa: 
     corners = cells.shape[1]
     tetrahedra = corners == 4
     for c in range(len(cells)):
-        own = (material[c, 0], material[c, 1], material[c, 2], material[c, 3])
+        own = material[c]
         for p in range(table.shape[1]):
             g = table[c, p]
             if tetrahedra:  # differences along three edges
@@ -145,7 +145,7 @@ def space_forces(material, u, cells, rows, table, hoop, weights, out):  # noqa: 
 
 
 @fused
-def _strained(u, cell, g, hoop, c, p, full):
+def strained(u, cell, g, hoop, c, p, full):
     """Green's strain at a point of a cell, xx, yy, zz, xy, yz, zx; ``full`` is filled with F.
 
     Args:
@@ -189,10 +189,10 @@ def tangents(material, u, cells, slots, table, hoop, weights, blocks):
     full, law_matrix = np.zeros((3, 3)), np.zeros((6, 6))
     rows, turned, bent = np.zeros((corners, 6, 3)), np.zeros((6, 3)), np.zeros((3, 3))
     for c in range(len(cells)):
-        own = (material[c, 0], material[c, 1], material[c, 2], material[c, 3])
+        own = material[c]
         for p in range(table.shape[1]):
             g = table[c, p]
-            e = _strained(u, cells[c], g, hoop, c, p, full)
+            e = strained(u, cells[c], g, hoop, c, p, full)
             _, sxx, syy, szz, sxy, syz, szx = stress(own, *e)
             stiffness(own, *e, law_matrix)
             for k in range(corners):
@@ -255,10 +255,10 @@ def stiffest(material, u, cells, table, hoop, weights, inverse):
     largest, row = 0.0, np.zeros(6)
     for c in range(len(cells)):
         total = 0.0
-        own = (material[c, 0], material[c, 1], material[c, 2], material[c, 3])
+        own = material[c]
         for p in range(table.shape[1]):
             g = table[c, p]
-            e = _strained(u, cells[c], g, hoop, c, p, full)
+            e = strained(u, cells[c], g, hoop, c, p, full)
             _, sxx, syy, szz, sxy, syz, szx = stress(own, *e)
             stiffness(own, *e, law_matrix)
             for k in range(corners):

@@ -9,10 +9,9 @@ import numpy as np
 from impactfem import fem
 from impactfem.arrays import Floats, Integers
 from impactfem.fem import dolfinx_fem
-from impactfem.forms.finite_strain import LAWS, Moduli
-from impactfem.scene.orthotropic import PLACES
+from impactfem.scene.orthotropic import PLACES, seen_by
 from impactfem.system.elastic import ElasticSystem
-from impactfem.system.materials import CellMaterials, materials_of
+from impactfem.system.materials import CellMaterials, law_rows, materials_of
 from impactfem.system.true_stress import TrueStress
 
 OUTSIDE = 0.05
@@ -84,22 +83,20 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         mine = int(np.argmin(apart))
         told = comm.allgather((float(apart[mine]), places[mine].tolist()))
         return np.asarray(min(told)[1])
-    answer, every, flat = None, materials_of(nodes, solid), solid.model == "plane_stress"
+    answer, every = None, materials_of(nodes, solid)
     if comm.rank == winner[2] and best is not None:
         own, at = cells[best[2]], cell.clipped(best[3])
         x, made = nodes.positions[own], every.at(best[2])
         law = None
         if solid.is_finite:
             slopes, hoop = _strains(cell, x, at, axisymmetric=system.axisymmetric)
-            moduli = Moduli(made.lame, made.shear, made.c01)
-            mean = _points(cell, x, axisymmetric=system.axisymmetric)
-            law = TrueStress(
-                slopes, hoop[:, 0], LAWS["linear" if made.linear else "mooney_rivlin"], moduli,
-                mean if made.keeps else None,
-            )  # fmt: skip
+            one = every.at([best[2]])
+            row, mean = law_rows(one, solid, one.local)[0], float(one.bulk[0])
+            points = _points(cell, x, axisymmetric=system.axisymmetric)
+            law = TrueStress(slopes, hoop[:, 0], row, mean, points)
             stress = law.weights
         else:
-            stress = _stress(cell, x, at, made, flat=flat, axisymmetric=system.axisymmetric)
+            stress = _stress(cell, x, at, made, solid.model)
         answer = Located(nodes.numbers[own], cell.basis(at)[0], stress, law)
     located: Located = comm.bcast(answer, root=winner[2])
     return located
@@ -199,16 +196,17 @@ class _Cell:
 
 
 def _stress(
-    cell: _Cell, x: Floats, at: Floats, made: CellMaterials, *, flat: bool, axisymmetric: bool
+    cell: _Cell, x: Floats, at: Floats, made: CellMaterials, model: str
 ) -> dict[str, Floats]:
     """Weights of the nodal displacements in each component of the stress [Pa/m]."""
     lame, shear, dim = made.lame, made.shear, x.shape[1]
+    flat, axisymmetric = model == "plane_stress", model == "axisymmetric"
     if flat:
         lame = 2.0 * lame * shear / (lame + 2.0 * shear)
     slopes, hoop = _strains(cell, x, at, axisymmetric=axisymmetric)
     trace = slopes + hoop
     if len(made.whole) and not made.keeps:
-        return _whole_stress(made.whole, slopes, hoop, flat=flat)
+        return _whole_stress(seen_by(made.whole, model), slopes, hoop)
     if made.keeps and not (cell.is_simplex and cell.degree == 1):
         trace = _mean_trace(cell, x, axisymmetric=axisymmetric)
     found = {}
@@ -222,7 +220,7 @@ def _stress(
     return found
 
 
-def _whole_stress(whole: Floats, slopes: Floats, hoop: Floats, *, flat: bool) -> dict[str, Floats]:
+def _whole_stress(whole: Floats, slopes: Floats, hoop: Floats) -> dict[str, Floats]:
     """The same of a stiffness that is orthotropic."""
     dim, count = slopes.shape[1], len(whole)
     strains = np.zeros((count, *slopes.shape))
@@ -233,7 +231,7 @@ def _whole_stress(whole: Floats, slopes: Floats, hoop: Floats, *, flat: bool) ->
     strains[2] += hoop
     found = dict(zip(("sxx", "syy", "szz", "sxy", "syz", "sxz"), np.tensordot(whole, strains, 1),
                      strict=False))  # fmt: skip
-    if flat:
+    if not whole[2].any():  # in plane stress
         del found["szz"]
     return found
 

@@ -16,7 +16,7 @@ from impactfem.arrays import Booleans, Floats
 from impactfem.errors import SceneError
 from impactfem.fem import MPI, dolfinx_fem
 from impactfem.scene.formula import Formula
-from impactfem.scene.orthotropic import seen_by
+from impactfem.system.law_kernels import KERNELS
 from impactfem.system.nodes import Nodes
 
 _DEGREE = 4  # of formulas that means in cells are exact for
@@ -36,8 +36,9 @@ class CellMaterials:
         keeps: Whether the volume is kept in the mean of the cell only.
         damped: Time of retardation as a share of the longest of the body.
         stiffest: Density times the square of the speed of the fastest waves [Pa].
-        whole: Stress by strain [Pa], (cells, n, n), as `OrthotropicSolid.of_model` of bodies that
-            are orthotropic somewhere; of others (cells, 0, 0).
+        whole: Stress by strain in space [Pa], (cells, 6, 6), as `OrthotropicSolid.stiffness`, of
+            bodies that are orthotropic somewhere; of others (cells, 0, 0).
+        terms: Of Ogden's law, mu [Pa], alpha and beta of each, (cells, 3 terms); mu = 0: no term.
     """
 
     density: Floats
@@ -49,6 +50,7 @@ class CellMaterials:
     damped: Floats
     stiffest: Floats
     whole: Floats
+    terms: Floats
 
     @property
     def shear(self) -> Floats:
@@ -116,7 +118,12 @@ def materials_of(nodes: Nodes, solid: Any) -> CellMaterials:
 
 def _with_waves(found: list[Any], solid: Any, groups: Mapping[str, Any]) -> CellMaterials:
     """Constants with what follows from them, and the stiffness of orthotropic bodies."""
-    made = CellMaterials(*(*found, np.zeros(0), np.zeros((len(found[0]), 0, 0))))
+    count = len(found[0])
+    each = {name: (solid.of_groups[name] if name else solid).spectral for name in groups}
+    terms = np.zeros((count, 3 * max(map(len, each.values()))))
+    for name, own in groups.items():
+        terms[own, : 3 * len(each[name])] = np.ravel(each[name])
+    made = CellMaterials(*(*found, np.zeros(0), np.zeros((count, 0, 0)), terms))
     stiffest = _pressing(made, solid.model)
     if not solid.is_orthotropic:
         return replace(made, stiffest=stiffest)
@@ -129,7 +136,7 @@ def _with_waves(found: list[Any], solid: Any, groups: Mapping[str, Any]) -> Cell
         law = (solid.of_groups[name] if name else solid).orthotropic
         if law is not None:
             whole[own], stiffest[own] = law.stiffness, law.wave_moduli(solid.model)[0]
-    return replace(made, stiffest=stiffest, whole=seen_by(whole, solid.model))
+    return replace(made, stiffest=stiffest, whole=whole)
 
 
 def _pressing(made: CellMaterials, model: str) -> Floats:
@@ -173,6 +180,29 @@ class _Means:
             )
         found: Floats = (weights * values).sum(axis=1) / weights.sum(axis=1)
         return found
+
+
+def law_rows(material: CellMaterials, solid: Any, first: Floats) -> Floats:
+    """Materials of cells as `impactfem.system.law_kernels.stress` takes them, (cells, entries).
+
+    Args:
+        material: Of the cells.
+        solid: The body.
+        first: Lambda that acts at points [Pa], (cells,).
+    """
+    whole, terms = material.whole.reshape(len(first), -1), material.terms
+    # The bulk modulus of foams is all in their terms.
+    first = np.where(terms[:, 2::3].any(axis=1), 0.0, first)
+    linear = KERNELS["orthotropic" if whole.size else "linear"]
+    other = np.where(terms.any(axis=1), KERNELS["ogden"], KERNELS["mooney_rivlin"])
+    law = np.where(material.linear, linear, other)
+    flat = np.full(len(first), float(solid.model == "plane_stress"))
+    more = np.zeros((len(first), max(whole.shape[1], terms.shape[1])))
+    more[:, : terms.shape[1]] = terms
+    if whole.size:
+        more[material.linear] = whole[material.linear]
+    head = np.stack([law, flat, first, material.shear, material.c01], axis=1)
+    return np.ascontiguousarray(np.hstack([head, more]))
 
 
 def constants_of(nodes: Nodes, solid: Any) -> Callable[[Any], Any]:
@@ -236,7 +266,7 @@ def stand_ins(nodes: Nodes, solid: Any) -> StandIns:
             solid, materials={}, density=density, youngs_modulus=modulus, poisson_ratio=ratio,
             rayleigh_stiffness=solid.retardation,
             viscoelastic=solid.viscoelastic if solid.relaxing else None,
-            orthotropic=None, material=law, c10=None, c01=None, bulk_modulus=None,
+            orthotropic=None, material=law, c10=None, c01=None, bulk_modulus=None, terms=(),
             strain="finite" if solid.is_finite else "small",
         )  # fmt: skip
 

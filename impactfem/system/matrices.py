@@ -10,6 +10,7 @@ from impactfem.arrays import Floats
 from impactfem.errors import MeshError
 from impactfem.fem import PETSc, dolfinx_fem
 from impactfem.forms.elasticity import ElasticForms
+from impactfem.scene.orthotropic import seen_by
 from impactfem.system.materials import constants_of, materials_of
 from impactfem.system.nodes import Nodes
 from impactfem.system.supports import Supports
@@ -68,7 +69,7 @@ def body_forms(nodes: Nodes, solid: Any) -> ElasticForms:
         across=made(-nu / (1.0 - nu)),
         thickness=dolfinx_fem.Constant(nodes.space.mesh, float(solid.thickness)),
         kept=made(np.where(material.keeps, 1.0, 0.0)) if several else None,
-        whole=made(material.whole) if solid.is_orthotropic else None,
+        whole=made(seen_by(material.whole, solid.model)) if solid.is_orthotropic else None,
     )
 
 

@@ -5,10 +5,11 @@ import math
 import numpy as np
 
 from impactfem.compiled import compiled
+from impactfem.system.law_kernels import thickened
 
 
 @compiled
-def in_plane(u, cells, table, inverse, hoop, across, weights, known, strain, volume):
+def in_plane(u, cells, table, inverse, hoop, across, material, weights, known, strain, volume):
     """Look at the points of plane cells; see `in_space`.
 
     Args:
@@ -16,6 +17,8 @@ def in_plane(u, cells, table, inverse, hoop, across, weights, known, strain, vol
         hoop: Shape functions over the distance from the axis [1/m], shape (cells, points, corners)
             or with no entry.
         across: Strain of the thickness over the sum of those in the plane, (cells,).
+        material: Instead, of bodies in plane stress under finite strain, as
+            `impactfem.system.law_kernels.thickened` takes it, (cells, entries), or with no entry.
     """
     largest, least, above, count = 0.0, np.inf, 0.0, 0
     for c in range(len(cells)):
@@ -36,6 +39,10 @@ def in_plane(u, cells, table, inverse, hoop, across, weights, known, strain, vol
             mean = 0.5 * math.sqrt((2.0 + xx + yy) ** 2 + (yx - xy) ** 2) - 1.0
             half = 0.5 * math.sqrt((xx - yy) ** 2 + (xy + yx) ** 2)
             third += 2.0 * across[c] * mean
+            if material.size:
+                one, two = xx + 0.5 * (xx * xx + yx * yx), yy + 0.5 * (yy * yy + xy * xy)
+                both = 0.5 * (xy + yx + xx * xy + yx * yy)
+                third = math.sqrt(1.0 + 2.0 * thickened(material[c], one, two, both)) - 1.0
             value = max(abs(mean) + half, abs(third))
             if not value <= largest:
                 largest = min(np.inf, value)  # also if it is not a number

@@ -25,7 +25,7 @@ from impactfem import fem
 from impactfem.arrays import Floats, Integers
 from impactfem.fem import MPI, dolfinx_fem
 from impactfem.system.elastic import ElasticSystem
-from impactfem.system.materials import materials_of
+from impactfem.system.materials import law_rows, materials_of
 from impactfem.system.stretch_kernels import in_plane, in_space
 
 _CHUNK = 10000
@@ -90,8 +90,11 @@ class Stretches:
         self._displacement = dolfinx_fem.Function(nodes.space)
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._cells = np.ascontiguousarray(nodes.space.dofmap.list[:owned])
-        nu = materials_of(nodes, solid).ratio[:owned] * (solid.model == "plane_stress")
-        self._across = -nu / (1.0 - nu)
+        made, flat = materials_of(nodes, solid).at(slice(owned)), solid.model == "plane_stress"
+        self._across = -made.ratio / (1.0 - made.ratio) * flat
+        self._material = np.zeros((0, 0))
+        if flat and solid.is_finite:
+            self._material = law_rows(made, solid, made.lame)
         self._order = int(nodes.space.ufl_element().degree)
         self._simple = fem.is_simplex(mesh) and self._order == 1
         values, self._table, jacobian, weights = self._points(self._cells, 1 if self._simple else 2)
@@ -127,7 +130,7 @@ class Stretches:
         largest, least, above, count = (
             in_space(moved, *cells, *within)
             if moved.shape[1] == 3
-            else in_plane(moved, *cells, self._hoop, self._across, *within)
+            else in_plane(moved, *cells, self._hoop, self._across, self._material, *within)
         )
         sums, ends = np.append(moved.T @ self._moment, above), np.array([largest, -least])
         self.comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.forms.finite_strain import Law, Moduli
+from impactfem.scene.orthotropic import PLACES
+from impactfem.system.law_kernels import stress, thickened
 
 _ORDER = {2: ("xx", "yy", "xy", "zz"), 3: ("xx", "yy", "zz", "xy", "yz", "xz")}
 
@@ -18,18 +19,17 @@ class TrueStress:
     Attributes:
         slopes: Gradients of the shape functions there [1/m], shape (nodes, dim).
         hoop: Weights of the hoop strain [1/m], shape (nodes,); 0 but for axisymmetric bodies.
-        law: Of the material.
-        moduli: What the law takes.
-        cell: Of nearly incompressible bodies, whose lambda' is asked of the mean of J in the cell:
-            slopes, weights of the hoop strain and volumes at points of it, (points, ...); else
-            None.
+        material: As `impactfem.system.law_kernels.stress` takes it, (entries,).
+        bulk: Of nearly incompressible bodies what of lambda is asked of the mean of J in the cell
+            [Pa]; else 0.
+        cell: Slopes, weights of the hoop strain and volumes at points of it, (points, ...).
     """
 
     slopes: Floats
     hoop: Floats
-    law: type[Law]
-    moduli: Moduli
-    cell: tuple[Floats, Floats, Floats] | None = None
+    material: Floats
+    bulk: float
+    cell: tuple[Floats, Floats, Floats]
 
     @property
     def weights(self) -> dict[str, Floats]:
@@ -43,33 +43,37 @@ class TrueStress:
         dim = self.slopes.shape[1]
         moved = np.stack([kept[name] for name in self.weights], axis=1)
         moved = moved.reshape(len(moved), *self.slopes.shape)
-        full = _full(moved, self.slopes, self.hoop)
-        left, ratio = full @ full.transpose(0, 2, 1), np.linalg.det(full)
-        trace = np.trace(left, axis1=1, axis2=2)
-        moduli = self.moduli
-        if self.cell is not None:
-            moduli = moduli._replace(first_lame=4.0 * moduli.c01)
-        unit, square, inverse = (
-            np.multiply.outer(np.broadcast_to(value, len(left)), np.ones((1, 1)))
-            for value in self.law.coefficients(trace, np.log(ratio), moduli)
-        )
-        true = (unit * left + square * (left @ left) + inverse * np.eye(3)) / ratio[:, None, None]
-        if self.cell is not None:
+        gradient = _gradient(moved, self.slopes, self.hoop)
+        turned = gradient.transpose(0, 2, 1)
+        strain, full = 0.5 * (gradient + turned + turned @ gradient), gradient + np.eye(3)
+        flat = bool(self.material[1])
+        pushed = np.zeros_like(full)
+        for k, own in enumerate(strain):
+            six = [float(own[i, j]) for i, j in PLACES]
+            for (i, j), value in zip(PLACES, stress(self.material, *six)[1:], strict=True):
+                pushed[k, i, j] = pushed[k, j, i] = value
+            if flat:
+                across = thickened(self.material, six[0], six[1], six[3])
+                full[k, 2, 2] = np.sqrt(1.0 + 2.0 * across)
+        ratio = np.linalg.det(full)
+        true = full @ pushed @ full.transpose(0, 2, 1) / ratio[:, None, None]
+        if self.bulk:
             slopes, hoop, volumes = self.cell
             each = zip(slopes, hoop, volumes, strict=True)
-            sums = sum(size * np.linalg.det(_full(moved, *at)) for *at, size in each)
+            sums = sum(
+                size * np.linalg.det(_gradient(moved, *at) + np.eye(3)) for *at, size in each
+            )
             mean = np.asarray(sums) / volumes.sum()
-            bulk = self.moduli.first_lame - 4.0 * self.moduli.c01
-            true += (bulk * np.log(mean) / mean)[:, None, None] * np.eye(3)
+            true += (self.bulk * np.log(mean) / mean)[:, None, None] * np.eye(3)
         return {
             f"s{name}": true[:, "xyz".index(name[0]), "xyz".index(name[1])] for name in _ORDER[dim]
         }
 
 
-def _full(moved: Floats, slopes: Floats, hoop: Floats) -> Floats:
-    """Deformation gradients (rows, 3, 3) of displacements (rows, nodes, dim) at a place."""
+def _gradient(moved: Floats, slopes: Floats, hoop: Floats) -> Floats:
+    """Gradients (rows, 3, 3) of displacements (rows, nodes, dim) at a place."""
     dim = slopes.shape[1]
-    full = np.zeros((len(moved), 3, 3)) + np.eye(3)
-    full[:, :dim, :dim] += np.einsum("rni,nj->rij", moved, slopes)
-    full[:, 2, 2] += moved[:, :, 0] @ hoop
-    return full
+    found = np.zeros((len(moved), 3, 3))
+    found[:, :dim, :dim] = np.einsum("rni,nj->rij", moved, slopes)
+    found[:, 2, 2] += moved[:, :, 0] @ hoop
+    return found

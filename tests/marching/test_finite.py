@@ -115,7 +115,7 @@ def test_energy_is_that_of_the_law(law):
 
 
 def test_scenes_and_forms_know_the_same_laws():
-    assert set(solids.LAWS) == set(LAWS)
+    assert set(solids.LAWS) == {*LAWS, "ogden", "foam"}  # these by points
 
 
 # Free flight.
@@ -310,7 +310,6 @@ def test_a_shock_has_the_speed_and_pressure_of_the_law(speed, stretch, pressure)
 @pytest.mark.parametrize(
     ("body", "more", "key"),
     [
-        ({"model": "plane_stress"}, {}, "body[0].model"),
         ({"poisson_ratio": 0.48, "degree": 1}, {}, "body[0].degree"),
         ({"poisson_ratio": 0.48, "strain": "finite", "material": "linear"}, {},
          "body[0].poisson_ratio"),

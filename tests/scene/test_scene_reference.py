@@ -69,6 +69,7 @@ TABLES = {
     "minimise = [{ ... }]": language.Term,
     "constraints = [{ ... }]": language.Limit,
     "adhesion = { ... }": Adhesion,
+    "terms = [{ mu = ... }]": language.OgdenTerm,
     'viscoelastic = { kind = "kelvin_voigt" }': language.KelvinVoigt,
     "terms = [{ ... }]": language.MaxwellTerm,
     'viscoelastic = { kind = "maxwell" }': language.Maxwell,
