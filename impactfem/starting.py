@@ -137,10 +137,10 @@ def _source(kind: str) -> Path:
 
 
 def _meshes(source: Path) -> Sequence[Path]:
-    """Mesh files and mechanisms beside a starter that it names."""
+    """Mesh files, heights and mechanisms beside a starter that it names."""
     data = tomllib.loads(source.read_text(encoding="utf-8"))
-    keys = ("mesh", "file")
-    meshes = [entry[key] for entry in data["body"] for key in keys if key in entry]
+    keys, entries = ("mesh", "heights", "file"), [*data["body"], *data.get("obstacle", ())]
+    meshes = [entry[key] for entry in entries for key in keys if key in entry]
     return [source.parent / name for name in dict.fromkeys(meshes)]
 
 

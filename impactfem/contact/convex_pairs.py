@@ -216,6 +216,10 @@ class ConvexPair(Anew):
         """Places of all its nodes among all contact nodes."""
         return np.concatenate([self.one.nodes, self.other.nodes])
 
+    def behind(self, places: Floats) -> float:  # noqa: ARG002
+        """0: gaps tell."""
+        return 0.0
+
     @property
     def thickness(self) -> float:
         """Way [m] to the middle of both, from which on they would be pushed out elsewhere."""
@@ -281,7 +285,8 @@ class LedPair(Anew):
     """A convex body and an obstacle that moves or turns, as `impactfem.contact.meeting.Led` says.
 
     Args:
-        pair: Both, the obstacle at rest: a `ConvexPair` or `impactfem.contact.ridges.OnRidges`.
+        pair: Both, the obstacle at rest: a `ConvexPair`, `impactfem.contact.ridges.OnRidges` or
+            `impactfem.contact.terrain.OnTerrain`.
         other: The obstacle of the pair.
         obstacle: What says how it moves.
     """
@@ -296,6 +301,11 @@ class LedPair(Anew):
     def tell(self, time: float, acting: float) -> None:
         """At which times the next answer's places are, and forces act [s]."""
         self._time, self._acting = time, acting
+
+    def behind(self, places: Floats) -> float:
+        """How deep a body's middle lies behind a surface at t = 0 [m]; see `OnTerrain`."""
+        first = replace(self._other, at=placement(self._obstacle, 0.0))
+        return float(replace(self._pair, other=first).behind(places))
 
     def shift(self, time: float) -> Floats:
         """How far what each gap faces has moved with the obstacle since t = 0 [m], (gaps, dim)."""

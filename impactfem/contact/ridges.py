@@ -50,6 +50,10 @@ class OnRidges(Anew):
         """Places of all its nodes among all contact nodes."""
         return self.one.nodes
 
+    def behind(self, places: Floats) -> float:  # noqa: ARG002
+        """0: gaps tell."""
+        return 0.0
+
     @property
     def thickness(self) -> float:
         """Way [m] to the middle of the body, from which on it would be pushed out elsewhere."""

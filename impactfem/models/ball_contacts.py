@@ -13,11 +13,12 @@ from impactfem.arrays import Floats, Integers
 from impactfem.contact.ball_pairs import BallPair, Target
 from impactfem.contact.body_pairs import Side
 from impactfem.contact.boundary import Boundary
-from impactfem.contact.convex_pairs import Marked
+from impactfem.contact.convex_pairs import LedPair, Marked
 from impactfem.contact.crossings import AxisPair
 from impactfem.contact.line_pairs import LinePair
 from impactfem.contact.meeting import NodeMeet
 from impactfem.contact.mortar_surface import Surface
+from impactfem.contact.terrain import OnTerrain
 from impactfem.errors import SceneError
 from impactfem.models.convex_contacts import Shapes, convex_meetings, on_others
 from impactfem.models.tip_contacts import tip_meetings
@@ -444,6 +445,13 @@ def check_apart(meetings: Sequence[BallMeeting], places: Floats) -> None:
         SceneError: They do.
     """
     for meeting in meetings:
+        if isinstance(meeting.pair, OnTerrain | LedPair) and meeting.pair.behind(places) > 0.0:
+            one, two = meeting.names
+            text = (
+                f"the middle of a shape of {one} lies {meeting.pair.behind(places):.4g} m inside "
+            )
+            text += f'obstacle {two} at t = 0: move it, or give {two} side = "inside" if the '
+            raise SceneError(f"{text}triangles of its surface turn the other way round")
         met = meeting.pair(places, places)
         own = places[meeting.pair.nodes]
         size = float(np.ptp(own, axis=0).max())

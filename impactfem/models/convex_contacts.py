@@ -12,12 +12,15 @@ from impactfem.contact.convex_nodes import CornersOnFaces, NodesOnConvex
 from impactfem.contact.convex_pairs import ConvexPair, LedPair, Marked, Placed
 from impactfem.contact.crossings import AxisPair
 from impactfem.contact.ridges import OnRidges
+from impactfem.contact.terrain import OnTerrain, Terrain
 from impactfem.scene import Scene
 from impactfem.scene.obstacles.faces import square_to
 from impactfem.scene.pairing import named_body_pairs, obstacles_of, pair_name, surfaces_on
 from impactfem.system.convex import Carrier, Convex
 from impactfem.system.few import FewBodies
 from impactfem.system.rigid import in_space
+
+type Still = ConvexPair | OnRidges | OnTerrain
 
 TOUCH = 5e-10
 """Share of the extent of the bodies by which they may be apart and touch: rounding of places."""
@@ -56,7 +59,7 @@ def on_others(
 
 def convex_meetings(
     scene: Scene, few: Sequence[FewBodies], offsets: Sequence[int]
-) -> Iterator[tuple[str, tuple[str, str], str, ConvexPair | OnRidges | LedPair, bool]]:
+) -> Iterator[tuple[str, tuple[str, str], str, Still | LedPair, bool]]:
     """Name, both sides, the one that carries, gaps, and False, of each pair of convex bodies.
 
     Args:
@@ -77,10 +80,13 @@ def convex_meetings(
         for obstacle in obstacles_of(scene, name):
             on = surfaces_on(scene, name, obstacle.name)
             label, names = pair_name(scene, name, obstacle.name), (name, obstacle.name)
+            terrain = None if obstacle.surface is None else Terrain(obstacle.surface)
             for own in shapes.meeting(name, on, obstacle.name):
                 placed = _placed(obstacle, own.shape.reach)
-                still: ConvexPair | OnRidges = ConvexPair(own, placed, total, touch)
-                if obstacle.ridges is not None:
+                still: Still = ConvexPair(own, placed, total, touch)
+                if terrain is not None:
+                    still = OnTerrain(own, placed, terrain, total, touch)
+                elif obstacle.ridges is not None:
                     still = OnRidges(own, placed, obstacle, obstacle.ridges, total, touch)
                 led = LedPair(still, placed, obstacle) if obstacle.moves else still
                 yield label, names, name, led, False
@@ -121,6 +127,10 @@ def _placed(obstacle: Any, reach: float) -> Placed:
         below = np.concatenate([square, square - far * normal])
         return Placed(Convex.of(below), np.array(obstacle.plane.point, dtype=float), ways)
     corners = obstacle.corners if obstacle.ridges is None else obstacle.ridges.places
+    if obstacle.surface is not None:
+        low, high = (pick(obstacle.surface.points, axis=0) for pick in (np.min, np.max))
+        thick = np.maximum(high - low, 1e-3 * (high - low).max())  # what is flat
+        corners = low + np.array(list(np.ndindex(2, 2, 2))) * thick
     if corners is not None:
         centre = corners.mean(axis=0)
         return Placed(Convex.of(corners - centre), in_space(centre))

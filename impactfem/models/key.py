@@ -5,6 +5,7 @@ from pathlib import Path
 from impactfem.scene import Scene
 
 _NOT_MODEL = {"title", "solve", "output"}
+_FILES = ("mesh", "heights", "file")
 
 
 class SceneKey:
@@ -15,7 +16,7 @@ class SceneKey:
         parts = scene.to_dict()
         given = [scene.folder, *(parts[k] for k in sorted(set(parts) - _NOT_MODEL))]
         entries = [*parts["body"], *parts["obstacle"]]
-        files = [entry[name] for entry in entries for name in ("mesh", "file") if name in entry]
+        files = [entry[name] for entry in entries for name in _FILES if name in entry]
         self._text = repr([*given, *(_stamp(Path(scene.folder or "", name)) for name in files)])
 
     def __hash__(self) -> int:

@@ -1,4 +1,4 @@
-"""Closed triangulated surfaces: what is wrong with one, and distances from it."""
+"""Triangulated surfaces, closed ones and open ones: what is wrong with one, distances from it."""
 
 import math
 from collections.abc import Iterator
@@ -12,6 +12,7 @@ from impactfem.arrays import Floats, Integers
 
 _LEAF = 4  # triangles in a leaf of the tree, about
 _ROUNDING = 1e-9  # share of the size below which a distance says no direction
+_LEVEL = 1e-14  # by which the cosine of an angle between faces misses 1 where they are in a plane
 _FLAT = 1e-9  # volume, as a share of that of a cube of its size, that counts as none
 
 
@@ -57,7 +58,9 @@ class Tree:
 
 @dataclass(frozen=True)
 class ClosedSurface:
-    """A closed surface of lines in the plane, or of triangles in space.
+    """A closed surface of lines in the plane, or of triangles in space; there it may be open too.
+
+    Behind an open one all is inside; beside it, off its border, nothing is.
 
     Attributes:
         points: [m], shape (points, dim).
@@ -96,12 +99,9 @@ class ClosedSurface:
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         found = np.empty((len(simplices), 7, 3))
         found[:, 0] = normal
-        starts, ends = simplices.ravel(), np.roll(simplices, -1, axis=1).ravel()
-        count = len(self.points)
-        back = np.argsort(ends * count + starts)  # the same edge as the other triangle runs it
-        back = back[np.searchsorted((ends * count + starts)[back], starts * count + ends)]
-        found[:, 1:4] = (np.repeat(normal, 3, axis=0) + normal[back // 3]).reshape(-1, 3, 3)
-        sums = np.zeros((count, 3))
+        beside = np.where(self.beside < 0, np.arange(len(simplices))[:, None], self.beside)
+        found[:, 1:4] = normal[:, None] + normal[beside]
+        sums = np.zeros((len(self.points), 3))
         for k in range(3):
             one, two = (corners[:, (k + j) % 3] - corners[:, k] for j in (1, 2))
             sine = np.linalg.norm(np.cross(one, two), axis=1)
@@ -109,6 +109,35 @@ class ClosedSurface:
             np.add.at(sums, simplices[:, k], angle[:, None] * normal)
         found[:, 4:] = sums[simplices]
         return found
+
+    @cached_property
+    def beside(self) -> Integers:
+        """The triangle on the other side of each edge, from a corner to the next; -1: none."""
+        starts, ends = self.simplices.ravel(), np.roll(self.simplices, -1, axis=1).ravel()
+        here, count = starts * (size := len(self.points)) + ends, len(starts)
+        order = np.argsort(here)
+        back = order[np.minimum(np.searchsorted(here[order], ends * size + starts), count - 1)]
+        same = (starts[back] == ends) & (ends[back] == starts)
+        return np.where(same, back // 3, -1).reshape(-1, 3)
+
+    @cached_property
+    def border(self) -> NDArray[np.bool_]:
+        """Which insides, edges and corners of triangles lie on its border, (triangles, 7)."""
+        edges, at = self.beside < 0, np.zeros(len(self.points), dtype=bool)
+        at[self.simplices[edges]] = True
+        at[np.roll(self.simplices, -1, axis=1)[edges]] = True
+        inner = np.zeros((len(edges), 1), dtype=bool)
+        return np.hstack([inner, edges, at[self.simplices]])
+
+    @cached_property
+    def _flat(self) -> NDArray[np.bool_]:
+        """Where the surface is flat around insides, edges and corners, (triangles, 7)."""
+        unit = self._pseudonormals / np.linalg.norm(self._pseudonormals, axis=2)[:, :, None]
+        level = np.einsum("tkd,td->tk", unit, unit[:, 0]) >= 1.0 - _LEVEL
+        around = np.ones(len(self.points), dtype=bool)
+        np.logical_and.at(around, self.simplices, level[:, 4:])
+        level[:, 4:] = around[self.simplices]
+        return np.asarray(level & ~self.border)
 
     @cached_property
     def size(self) -> float:
@@ -138,7 +167,8 @@ class ClosedSurface:
         outward, arms = self._pseudonormals[found, feature], points - place
         size = np.linalg.norm(arms, axis=1)
         sign = np.where(np.einsum("ij,ij->i", arms, outward) < 0.0, -1.0, 1.0)
-        clear = (size > rounding) & (feature > 0)
+        clear = (size > rounding) & ~self._flat[found, feature]
+        sign[clear & self.border[found, feature]] = 1.0
         outward = outward / np.linalg.norm(outward, axis=1)[:, None]
         along = (sign / np.where(clear, size, 1.0))[:, None] * arms
         return np.where(found < 0, np.inf, sign * size), np.where(clear[:, None], along, outward)
@@ -150,7 +180,9 @@ def signed_volume(points: Floats, simplices: Integers) -> float:
     return float(np.linalg.det(corners).sum()) / math.factorial(points.shape[1])
 
 
-def faults(points: Floats, simplices: Integers) -> Iterator[tuple[str, str]]:
+def faults(
+    points: Floats, simplices: Integers, *, may_end: bool = False
+) -> Iterator[tuple[str, str]]:
     """What is wrong with a surface that should be closed, and what to do; the worst first.
 
     What follows supposes that nothing before was wrong.
@@ -158,6 +190,7 @@ def faults(points: Floats, simplices: Integers) -> Iterator[tuple[str, str]]:
     Args:
         points: [m], (points, dim).
         simplices: Lines or triangles, (simplices, dim).
+        may_end: Whether it may be open.
     """
     dim, count = points.shape[1], len(points)
     what, parts = ("lines", "corners") if dim == 2 else ("triangles", "edges")
@@ -177,7 +210,7 @@ def faults(points: Floats, simplices: Integers) -> Iterator[tuple[str, str]]:
         place = points[np.array(divmod(int(sides[bad][0]), count))].mean(axis=0)
         return f"{int(bad.sum())} of its {len(sides)} {parts}, one at ({told(place)}),"
 
-    if (bad := each == 1).any():
+    if (bad := each == 1).any() and not may_end:
         text = f"is not closed: {where(bad)} belong to one of the {what} only"
         yield text, "fill its holes, or export it again"
     if (bad := each > 2).any():
@@ -185,9 +218,11 @@ def faults(points: Floats, simplices: Integers) -> Iterator[tuple[str, str]]:
             f"meets itself: {where(bad)} belong to more than two {what}",
             "repair it",
         )
-    if (bad := runs != 1.0).any():
+    if (bad := (runs != 1.0) & (each == 2)).any():
         text = f"is not oriented: {where(bad)} are run the same way by both {what}"
         yield text, "turn all normals outwards"
+    if (each == 1).any():
+        return  # an open one has no inside
     if (number := _components(simplices)) > 1:
         yield f"has {number} separate parts", "give each a file and a body, without cavities"
     size = float(np.ptp(points[np.unique(simplices)], axis=0).max())

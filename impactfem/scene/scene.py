@@ -290,7 +290,7 @@ class Scene(Content):
         """
         data = self.to_dict()
         for home in (*data["body"], *data["obstacle"], *data.get("measure", []), data["solve"]):
-            for name in ("mesh", "file", "data", "result"):
+            for name in ("mesh", "heights", "file", "data", "result"):
                 given = home.get(name)
                 if folder is not None and given and is_kept(given):
                     home[name] = Path(given).name  # a copy is kept there

@@ -1,6 +1,7 @@
 """Closed surfaces from files: STL is read here, meshes and geometry by Gmsh apart."""
 
 import re
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -32,12 +33,13 @@ _FACETS = {
 }  # by the number of corners of a cell, outwards
 
 
-def closed_surface(body: Any, dim: int) -> ClosedSurface:
+def closed_surface(body: Any, dim: int, *, may_end: bool = False) -> ClosedSurface:
     """The surface in the file that a body or obstacle names, in its unit of length.
 
     Args:
         body: With the keys ``mesh``, ``scale`` and ``mesh_size``, and the folder of its scene.
         dim: Number of coordinates.
+        may_end: Whether it may be open.
 
     Raises:
         KeyedError: The file cannot be read, or its surface is none of a body.
@@ -54,14 +56,9 @@ def closed_surface(body: Any, dim: int) -> ClosedSurface:
         )
     try:
         known = path.stat()
-        return _read(
-            path,
-            (known.st_mtime_ns, known.st_size),
-            dim,
-            body.scale,
-            body.mesh_size or 0.0,
-            body.part,
-        )
+        stamp = known.st_mtime_ns, known.st_size
+        size = body.mesh_size or 0.0
+        return _read(path, stamp, dim, body.scale, size, body.part, may_end)
     except _FaultError as error:
         text = f"{given} {error.args[0]}: {error.args[1]} (the file is {path})."
     except MeshError as error:
@@ -81,8 +78,14 @@ class _FaultError(Exception):
 
 @lru_cache(maxsize=32)
 def _read(
-    path: Path, known: tuple[int, int], dim: int, scale: float, size: float, part: str | None
-) -> ClosedSurface:  # fmt: skip
+    path: Path,
+    known: tuple[int, int],
+    dim: int,
+    scale: float,
+    size: float,
+    part: str | None,
+    may_end: bool,
+) -> ClosedSurface:
     """The surface in a file; `known` tells its contents apart."""
     del known
     cells: Integers | None = None
@@ -101,11 +104,11 @@ def _read(
         points = unit * points
     _check_count(len(simplices))
     points = scale * points
-    if fault := next(faults(points, simplices), None):
+    if fault := next(faults(points, simplices, may_end=may_end), None):
         raise _FaultError(*fault)
-    if signed_volume(points, simplices) < 0.0:
-        simplices = simplices[:, ::-1]
     found = ClosedSurface(points, np.ascontiguousarray(simplices), cells)
+    if (dim == 2 or not found.border.any()) and signed_volume(points, simplices) < 0.0:
+        found = replace(found, simplices=np.ascontiguousarray(simplices[:, ::-1]))
     if dim == 3 and (place := crossed(found)) is not None:
         raise _FaultError(
             f"crosses itself near ({told(place)})", "give the outside of one body only"

@@ -200,7 +200,7 @@ def _at_obstacles(
         for shape in _chosen(body, shapes, links, name, on):
             rolls = shape.ends is not None and obstacle.plane is not None
             by_edges = rolls or (shape.has_edges and not obstacle.meets_corners)
-            if by_edges and not (rolls or obstacle.is_convex):
+            if by_edges and not (rolls or obstacle.is_convex or obstacle.surface is not None):
                 raise _unseen(body, name, shape)
             for face in range(faces):
                 yield shape, (name, face), by_edges

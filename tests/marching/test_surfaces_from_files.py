@@ -155,6 +155,9 @@ def files(kind):
 @pytest.mark.parametrize("said", FAULTS)
 def test_surfaces_of_no_body_are_told_with_file_and_remedy(tmp_path, kind, said):
     write_stl(tmp_path / "x.stl", FAULTS[said])
+    if kind == "obstacle" and said.startswith("is not closed"):
+        Scene.from_dict(files(kind), base=tmp_path)  # as terrain
+        return
     with pytest.raises(SceneError) as told:
         Scene.from_dict(files(kind), base=tmp_path)
     assert str(told.value).startswith(f'{kind}[0].mesh = "x.stl" {said}'), told.value

@@ -87,8 +87,8 @@ def _polyline(scene: Scene, line: Any) -> str:
 
 
 def _mesh(_: Scene, stone: Any) -> str:
-    count = len(stone.surface.simplices)
-    return f"A surface of {count} triangles, from {stone.mesh}; bodies stay {stone.side} it."
+    count, source = len(stone.surface.simplices), stone.mesh or stone.heights
+    return f"A surface of {count} triangles, from {source}; bodies stay {stone.side} it."
 
 
 _OBSTACLES: Mapping[str, Callable[[Scene, Any], str]] = {

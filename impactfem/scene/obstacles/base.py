@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.scene.closed_surface import ClosedSurface
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas
 from impactfem.scene.obstacles.mirror import Mirror
@@ -140,6 +141,11 @@ class RigidObstacle:
     @property
     def ridges(self) -> Ridges | None:
         """What sticks out of one that need not be convex, for sides of bodies in the plane."""
+        return None
+
+    @property
+    def surface(self) -> ClosedSurface | None:
+        """Triangles of one that may have any form, which shapes of rigid bodies in space meet."""
         return None
 
     @property

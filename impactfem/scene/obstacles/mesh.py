@@ -3,13 +3,14 @@
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.scene.closed_surface import ClosedSurface
 from impactfem.scene.given import Given, MaybeFormulas, MaybeTable
+from impactfem.scene.height_fields import HEIGHT_FILES, height_field
 from impactfem.scene.kinds import Choice, FilePath, Line, Name, Real
 from impactfem.scene.mesh_files import PART
 from impactfem.scene.obstacles.base import (
@@ -30,18 +31,36 @@ from impactfem.scene.values import show
 
 @table('[[obstacle]] with kind = "mesh"')
 class RigidMesh(RigidObstacle):
-    """A closed surface of triangles from a file, in space.
+    """A surface of triangles from a file, in space: closed, or open as terrain.
+
+    Bodies stay on the side where the normals of an open one look: by the right hand, its triangles
+    turn left seen from there. Heights give such a surface over x and y.
 
     Raises:
         SceneError: a value is not allowed; in a scene also: the file cannot be read, or its surface
-            is none of a body.
+            is none of a body or terrain.
     """
 
     kind: ClassVar[str] = "mesh"
     is_smooth: ClassVar[bool] = False
 
     name: str = key(Name(), NAME, default="mesh")
-    mesh: Given[str, Path] = key(FilePath(endings=SURFACE_FILES), "file of its surface")
+    mesh: Given[str | None, Path] = key(
+        FilePath(endings=SURFACE_FILES),
+        "file of its surface: a closed one, or an open one as terrain, which is outside where the "
+        "normals of its triangles look",
+        default=None, absent="none",
+    )  # fmt: skip
+    heights: Given[str | None, Path] = key(
+        FilePath(endings=HEIGHT_FILES),
+        "instead of it a table of heights [m] along z: entries of a row lie along x, rows along y, "
+        "the first one at x = y = 0",
+        default=None, absent="none",
+    )  # fmt: skip
+    spacing: float | None = key(
+        Real(above=0), "between neighbouring heights", unit="m", default=None,
+        absent="required with heights",
+    )  # fmt: skip
     part: str | None = key(Line(), PART, default=None, absent="all of them")
     scale: float = key(Real(above=0), SCALE, unit="m", default=1.0)
     mesh_size: float | None = key(
@@ -62,10 +81,26 @@ class RigidMesh(RigidObstacle):
         found.surface  # noqa: B018  (reads it)
         return found
 
+    def _check(self) -> None:
+        given = [name for name in ("mesh", "heights") if getattr(self, name)]
+        if len(given) != 1:
+            text = ": both are given; give one." if given else " is missing: give it, or heights."
+            raise KeyedError(self.kind, "mesh", text)
+        if (self.heights is None) != (self.spacing is None):
+            text = " is missing: give the way between neighbouring heights in m."
+            if self.spacing is not None:
+                text = f" = {self.spacing:g} is for heights; remove it."
+            raise KeyedError(self.kind, "spacing", text)
+        for name, usual in (("scale", 1.0), ("mesh_size", None), ("part", None)):
+            if self.heights is not None and (value := getattr(self, name)) != usual:
+                text = f" = {show(value)} is for mesh, and heights are given: remove it."
+                raise KeyedError(self.kind, name, text)
+
     @cached_property
     def surface(self) -> ClosedSurface:
         """Its surface at rest, whose triangles look to the side of the body."""
-        found = closed_surface(self, 3)
+        known = self.heights is None
+        found = closed_surface(self, 3, may_end=True) if known else height_field(self)
         return found.reversed() if self.side == "inside" else found
 
     def check_dimension(self, dim: int) -> None:
@@ -74,6 +109,10 @@ class RigidMesh(RigidObstacle):
             text = f" = {show(self.kind)} is for bodies in space: in the plane give a polyline."
             raise KeyedError(self.kind, "kind", text)
         super().check_dimension(dim)
+
+    def meets_sides(self, body: Any) -> bool:
+        """All of them."""
+        return bool(body.dim == 3)
 
     @property
     def features(self) -> float:
@@ -85,7 +124,8 @@ class RigidMesh(RigidObstacle):
     def rims(self) -> Floats:
         """Sides of its triangles [m], (sides, 2, 3)."""
         ends = np.stack([self.surface.simplices, np.roll(self.surface.simplices, -1, axis=1)], 2)
-        return self.surface.points[ends[ends[:, :, 0] < ends[:, :, 1]]]
+        once = (ends[:, :, 0] < ends[:, :, 1]) | (self.surface.beside < 0)
+        return self.surface.points[ends[once]]
 
     def gap(self, points: Floats) -> Field:
         """Distances (points,) and normals (points, 3) at rest."""
