@@ -242,7 +242,7 @@ def test_heights_are_met_where_they_are(tmp_path):
         ({"heights": "h.csv", "mesh": "m.stl", "spacing": 1.0}, "", "both are given"),
         ({"mesh": "m.stl", "spacing": 1.0}, "", "spacing = 1 is for heights"),
         ({}, "", "mesh is missing"),
-        ({"heights": "h.csv", "spacing": 1.0, "scale": 2.0}, "", "scale = 2 is for mesh"),
+        ({"heights": "h.csv", "spacing": 1.0, "scale": 2.0}, "", "scale = 2.0 is for mesh"),
     ],
 )  # fmt: skip
 def test_bad_heights_are_refused(tmp_path, run, keys, content, message):
