@@ -4,7 +4,7 @@ import resource
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -144,12 +144,15 @@ def _made(solid: Any, degree: int, folder: Path) -> tuple[RawMesh, float]:
     if solid.shape is None:
         path = Path(folder, solid.mesh)
         where = f"mesh file {path}"
+        at = np.zeros(solid.dim) if solid.position is None else np.array(solid.position)
+        balls = [replace(ball, point=(ball.point - at).tolist()) for ball in solid.refine]
         raw = read_body(
-            path, solid.model, degree, mesh_size=solid.mesh_size, refine=solid.refine,
+            path, solid.model, degree, mesh_size=solid.mesh_size, refine=balls,
             cells=solid.cells, used=_used(solid), materials=solid.materials,
             part=solid.part,
         )  # fmt: skip
         check_names(raw.surfaces, _used(solid), where)
+        raw = replace(raw, points=raw.points + at)
     elif solid.cells == "hexahedron":
         where = _of_shape(solid)
         if solid.refine:

@@ -134,6 +134,8 @@ def arrays():
     tags, points, _ = mesh.getNodes()
     found = {"tags": tags, "points": points}
     found |= {f"cells{n}": mesh.getElementsByType(kind)[1] for n, kind in ((3, 2), (4, 4))}
+    lists = mesh.getElements(dim)[2]
+    found["used"] = np.unique(np.concatenate(lists)) if lists else np.zeros(0, dtype=np.uint64)
     others = [kind for kind in mesh.getElementTypes() if kind not in (1, 2, 4, 15)]
     kinds = [mesh.getElementProperties(kind)[0] for kind in others]
     np.savez(target, others=np.array(kinds, dtype=str), **found)

@@ -48,6 +48,14 @@ def _check_source(solid: "Solid") -> None:
     """Refuse a body that cannot be drawn, or that is given twice."""
     shape, mesh = solid.shape, solid.mesh
     check_part(solid)
+    if solid.position is not None and (mesh is None or len(solid.position) != solid.dim):
+        why = "is for mesh, and a shape has its own place; remove it"
+        if mesh is not None:
+            why = f'has {len(solid.position)} entries, model = "{solid.model}" has {solid.dim}'
+        raise _fail(solid, "position", f" = {show(list(solid.position))} {why}.")
+    if solid.position is not None and solid.is_axisymmetric and solid.position[0] != 0.0:
+        text = f" = {show(list(solid.position))} leaves the axis x = 0; give 0 along x."
+        raise _fail(solid, "position", text)
     if shape is None and mesh is None:
         raise _fail(solid, "shape", " is missing: give shape = { kind = ... }, or mesh = a file.")
     if shape is not None and mesh is not None:

@@ -116,6 +116,13 @@ class Solid(BodyKind):
         default=None,
         absent="none",
     )
+    position: Sequence[float] | None = key(
+        Vector(),
+        "where the origin of the mesh file is at t = 0",
+        unit="m",
+        default=None,
+        absent="at the origin",
+    )
     part: str | None = key(Line(), PART, default=None, absent="all of them")
     mesh_size: float | None = key(
         Real(above=0),

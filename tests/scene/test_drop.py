@@ -16,6 +16,16 @@ BALL = {"kind": "point", "name": "ball", "mass": 0.5, "position": [0.25, 0.9], "
 DISC = {"kind": "solid", "name": "disc", "model": "plane_strain", "density": 1000.0,
         "youngs_modulus": 1e6, "poisson_ratio": 0.3, "mesh_size": 0.02,
         "shape": {"kind": "disc", "radius": 0.05, "center": [0.0, 0.3]}}  # fmt: skip
+BEAM = {"kind": "beam", "name": "beam", "length": 0.4, "height": 0.02, "width": 0.02,
+        "density": 1000.0, "youngs_modulus": 1e9, "center": [0.1, 0.3], "elements": 6}  # fmt: skip
+ROD = {"kind": "rod", "name": "rod", "mass": 1.0, "length": 0.6, "center": [0.2, 0.5],
+       "radius": 0.02, "inclination": 0.1}  # fmt: skip
+PLATE = {"kind": "plate", "name": "plate", "thickness": 0.004, "mesh_size": 0.05, "density": 1000.0,
+         "outline": {"kind": "rectangle", "size": [0.2, 0.1]}, "youngs_modulus": 1e9,
+         "poisson_ratio": 0.3, "center": [0.1, 0.2, 0.3]}  # fmt: skip
+NET = {"kind": "springs", "name": "net", "mass": 0.5, "stiffness": 1e4, "mesh_size": 0.1,
+       "pattern": "crossed", "radius": 0.01,
+       "shape": {"kind": "block", "size": [0.2, 0.2], "corner": [0.1, 0.4]}}  # fmt: skip
 G = 9.81
 
 
@@ -91,6 +101,98 @@ def test_a_solid_falls_as_a_solid_with_that_speed():
     assert found.history["contact_force"].values == pytest.approx(force, abs=1e-6 * force.max())
 
 
+def same(found, by_hand, bound=1e-9):
+    """Histories are equal, and something happens."""
+    one, other = impactfem.solve(found), impactfem.solve(by_hand)
+    for name, column in other.history.items():
+        known = np.nan_to_num(column.values)
+        scale = max(1e-2, float(np.abs(known).max()))
+        assert np.nan_to_num(one.history[name].values) == pytest.approx(known, abs=bound * scale), (
+            name
+        )
+    assert other.history["contact_force"].values.max() > 0.0 or (
+        other.history["contact_impulse"].values.max() > 0.0
+    )
+
+
+SPEED = math.sqrt(2 * G * 0.2)
+HIGH = {"height": 0.2, "orientation": {"angle": 0.3}}
+
+
+@pytest.mark.parametrize(
+    ("body", "by_hand"),
+    [
+        (ROD, {"inclination": 0.4, "center": [0.2, -1.0 + 0.3 * math.sin(0.4) + 0.02]}),
+        (BEAM, {"inclination": 0.3, "center": [0.1, -1.0 + 0.2 * math.sin(0.3)]}),
+        (NET, {"shape": NET["shape"] | {"angle": 0.3, "corner": [
+            0.1, -1.0 + 0.01 + 0.1 * (math.sin(0.3) + math.cos(0.3)) - 0.1]}}),
+    ],
+    ids=["rod", "beam", "net"],
+)  # fmt: skip
+def test_bodies_with_an_axis_or_springs_fall_turned(body, by_hand):
+    said = body | {"velocity": [0.0, -SPEED]} | by_hand
+    coarse = {} if body is ROD else {"solve": {"estimate": False, "dt": 2e-4}}
+    # The events of a rod are found to 1e-9, and 6e-9 of its force were seen after 1000 of them.
+    same(scene(body, drop=HIGH, **coarse), scene(said, **coarse), 1e-7 if body is ROD else 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("body", "by_hand", "along"),
+    [
+        (PLATE, {"center": [0.1, 0.2, -0.998], "angle": 0.3, "velocity": -SPEED}, [0, 0, 1]),
+        (PLATE | {"normal": [0, -2, 0]}, {"center": [0.1, -0.998, 0.3], "normal": [0, -1, 0],
+                                           "angle": 0.3, "velocity": SPEED}, [0, 1, 0]),
+        (BEAM | {"center": [0.1, 0.2, 0.3], "axis": [1, 0, 0]},
+         {"center": [0.1, 0.2, -1.0], "axis": [math.cos(0.3), math.sin(0.3), 0],
+          "velocity": [0, 0, -SPEED]}, [0, 0, 1]),
+    ],
+    ids=["plate", "plate upside down", "beam"],
+)  # fmt: skip
+def test_plates_and_beams_fall_in_space(body, by_hand, along):
+    floor = FLOOR | {"point": (-np.array(along)).tolist(), "normal": along}
+    more = {"gravity": (-G * np.array(along)).tolist(), "obstacles": [floor], "duration": 2e-3,
+            "solve": {"estimate": False, "dt": 2e-5}}  # fmt: skip
+    turn = {"axis": body.get("normal", along), "angle": 0.3}
+    found = scene(body, drop={"height": 0.2, "orientation": turn}, **more)
+    same(found, scene(body | by_hand, **more))
+
+
+def test_a_plate_falls_along_its_normal_alone_and_onto_what_is_round():
+    with pytest.raises(SceneError, match="plate, which moves along its normal, and gravity does"):
+        scene(PLATE, gravity=[1.0, 0.0, -G], drop={"height": 0.1},
+              obstacles=[FLOOR | {"point": [0, 0, -1], "normal": [0, 0, 1]}])  # fmt: skip
+    ball = {"kind": "sphere", "name": "ball", "center": [0.13, 0.21, -1.0], "radius": 0.5}
+    for outline in ({"kind": "disc", "radius": 0.1}, {"kind": "ring", "inner_radius": 0.05,
+                    "radius": 0.1}, {"kind": "polygon", "points": [[-0.1, -0.1], [0.1, -0.1],
+                    [0.1, 0.1]]}):  # fmt: skip
+        plate = PLATE | {"outline": outline, "center": [0.1, 0.2, 0.3]}
+        found = scene(plate, gravity=[0, 0, -G], drop={"height": 0.1}, obstacles=[ball])
+        away = 0.05 - math.hypot(0.03, 0.01) if outline["kind"] == "ring" else 0.0
+        touch = -1.0 + math.sqrt(0.25 - away**2) + 0.002
+        assert found.bodies[0].center[2] == pytest.approx(touch, abs=2e-5)
+
+
+def test_a_solid_from_a_mesh_file_falls_to_its_position(tmp_path):
+    path = tmp_path / "part.msh"
+    nodes = ["0.0 0.4 0", "0.1 0.4 0", "0.1 0.5 0", "0.0 0.5 0", "3.0 -9.0 0"]
+    lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$Nodes", "5"]
+    lines += [f"{k} {place}" for k, place in enumerate(nodes, 1)]
+    lines += ["$EndNodes", "$Elements", "3", "1 2 2 0 1 1 2 3", "2 2 2 0 1 1 3 4", "3 15 2 0 9 5"]
+    path.write_text("\n".join([*lines, "$EndElements", ""]))
+    solid = {name: value for name, value in DISC.items() if name not in {"shape", "mesh_size"}}
+    solid |= {"mesh": str(path), "position": [0.0, 0.5]}
+    found = scene(solid, drop={"height": 0.2}, duration=0.004)
+    assert found.bodies[0].position == pytest.approx([0.0, -1.4])
+    same(found, scene(solid | {"position": [0.0, -1.4], "velocity": [0.0, -SPEED]}, duration=0.004))
+    shaped = {"mesh": None, "shape": DISC["shape"], "mesh_size": 0.02}
+    for change, words in (
+        ({"position": [0.0] * 3}, "has 3 entries"),
+        (shaped, "has its own place"),
+    ):
+        with pytest.raises(SceneError, match=rf"position = .* {words}"):
+            scene(solid | change)
+
+
 def test_settings_change_the_drop_and_files_hold_what_came_of_it(tmp_path):
     found = scene(BOX, drop={"height": 0.8})
     higher = found.with_settings({"drop.height": 3.2})
@@ -119,8 +221,11 @@ def test_settings_change_the_drop_and_files_hold_what_came_of_it(tmp_path):
                      "point": [0.2, 0.5]}]}, "what is held does not fall"),
         ({"spring": [{"between": ["ground", "box"], "stiffness": 3.0}]},
          "what is held does not fall"),
-        ({"body": [{"kind": "rod", "name": "rod", "mass": 1.0, "length": 0.6,
-                    "center": [0.0, 0.5]}]}, "is a rod"),
+        ({"body": [BEAM | {"supports": [{"end": "first", "kind": "clamped"}]}]},
+         "beam has supports, and what is held does not fall"),
+        ({"body": [DISC | {"pressures": [{"surface": "rim", "value": "x*t"}]}]},
+         r"pressures\[0\]\.value depends on places"),
+        ({"body": [DISC | {"density": "1000 + x"}]}, "density.* depends on places"),
     ],
 )  # fmt: skip
 def test_drops_without_sense_are_refused(change, words):
