@@ -3,6 +3,7 @@
 import numpy as np
 
 from impactfem.compiled import compiled
+from impactfem.contact.friction_kernels import islands_of
 
 _ROUNDING = 1e-13  # share of the largest displacement that counts as zero
 _DIGITS = 4.5e-16  # share of it that sums of a few terms are rounded by
@@ -438,3 +439,55 @@ def stuck_forces(matrix, offset, friction, scale, shares, most):
         if not pulls:
             break
     return False, found
+
+
+@compiled
+def few_cones(matrix, offset, friction, base, start, tolerance, limit, shares, most):
+    """Forces of few pairs without moments, island by island, by Newton's steps alone.
+
+    Args:
+        matrix, offset, friction, base, start, tolerance, limit: As of `newton_cones`.
+        shares: As of `stuck_forces`, and of the largest answer below which nothing yields.
+        most: See there.
+
+    Returns:
+        Whether they were found, the forces (pairs, dim), and linear systems solved.
+    """
+    pairs, dim = start.shape
+    rank, rounding, within, held = shares
+    force, total, scale = np.zeros((pairs, dim)), 0, np.empty((pairs, dim))
+    largest = 0.0
+    for j in range(pairs):
+        across = 0.0
+        for c in range(dim):
+            own = matrix[j * dim + c, j * dim + c]
+            largest = max(largest, own)
+            across += own if c else 0.0
+        scale[j] = across / (dim - 1)
+        scale[j, 0] = matrix[j * dim, j * dim]
+    for k in range(pairs * dim):
+        if matrix[k, k] <= held * largest:
+            return False, force, total
+    island = islands_of(matrix, np.arange(pairs), dim)
+    for number in range(pairs):
+        chosen = np.flatnonzero(island == number)
+        count = len(chosen)
+        if not count:
+            break
+        at = (dim * chosen.reshape(-1, 1) + np.arange(dim)).reshape(-1)
+        part = np.empty((count * dim, count * dim))
+        for i in range(count * dim):
+            for k in range(count * dim):
+                part[i, k] = matrix[at[i], at[k]]
+        own, none, near = np.arange(count), np.zeros(count), start[chosen]
+        law = part, offset[chosen], friction[chosen], own, none, base[chosen], scale[chosen]
+        if count > 1 and not law[5].any():
+            fine, found = stuck_forces(part, law[1], law[2], law[6], (rank, rounding, within), most)
+            if fine:
+                near = found
+        found, missed, systems = newton_cones(*law, near, tolerance, limit)
+        if missed > 1.0:
+            return False, force, total
+        force[chosen] = without_traces(part, law[1], own, law[5], found)
+        total = max(total, systems)
+    return True, force, total

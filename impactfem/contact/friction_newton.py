@@ -87,6 +87,11 @@ class ConeProblem:
         object.__setattr__(self, "spins", none)
 
     @property
+    def is_plain(self) -> bool:
+        """Whether none of the pairs are moments, and answers are an array."""
+        return self.master is None and self.spinning is None and isinstance(self.matrix, np.ndarray)
+
+    @property
     def has_friction(self) -> bool:
         """Whether there are any tangential forces or moments."""
         return bool(self.friction.any() or (self.spinning is not None and self.spinning.any()))

@@ -14,11 +14,13 @@ from impactfem.arrays import Booleans, Floats
 from impactfem.contact.cone_kernels import stuck_forces
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.rooted import Matrix, full, own_blocks
+from impactfem.contact.speed_kernels import jamming
 
 MOST_PAIRS = 4  # of which all solutions are looked for
 _ROUNDING = 1e-9
 _RANK = 1e-9  # share of the largest singular value that counts as none
 _INSIDE, _SEARCH = 1e-3, 400  # how far within cones stick is looked for, and how often
+STICK = (_RANK, _ROUNDING, _INSIDE), _SEARCH  # as `cone_kernels.stuck_forces` has it
 
 
 def jams(matrix: Matrix, friction: Floats, slip: Floats) -> Booleans:
@@ -27,12 +29,9 @@ def jams(matrix: Matrix, friction: Floats, slip: Floats) -> Booleans:
     Args:
         matrix: Answers to forces, (pairs dim, pairs dim), the normal component first.
         friction: Coefficients, (pairs,).
-        slip: Unit directions of slip along the tangents, 0 where there is none, (pairs, dim - 1).
+        slip: Along the tangents, 0 where there is none, (pairs, dim - 1).
     """
-    own = own_blocks(matrix, slip.shape[1] + 1)
-    pressed = own[:, 0, 0] - friction * np.einsum("pk,pk->p", own[:, 0, 1:], slip)
-    found: Booleans = slip.any(axis=1) & (pressed <= 0.0)
-    return found
+    return np.asarray(jamming(own_blocks(matrix, slip.shape[1] + 1), friction, slip))
 
 
 def all_solutions(problem: ConeProblem) -> list[Floats]:
@@ -151,5 +150,5 @@ def stuck(problem: ConeProblem) -> Floats | None:
         return None
     matrix = np.ascontiguousarray(full(problem.matrix))
     law = problem.offset, problem.friction, problem.scales()
-    fine, found = stuck_forces(matrix, *law, (_RANK, _ROUNDING, _INSIDE), _SEARCH)
+    fine, found = stuck_forces(matrix, *law, *STICK)
     return np.asarray(found) if fine else None

@@ -26,11 +26,11 @@ import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.complementarity import Solver, solve_by_active_set
-from impactfem.contact.cone_kernels import without_traces
+from impactfem.contact.cone_kernels import few_cones, without_traces
 from impactfem.contact.friction_kernels import sweep_cones
 from impactfem.contact.friction_many import WORST, Accuracy, Many
 from impactfem.contact.friction_newton import ConeProblem, newton, proximal, residual
-from impactfem.contact.friction_solutions import stuck
+from impactfem.contact.friction_solutions import STICK, stuck
 from impactfem.contact.rooted import Rooted, full
 from impactfem.errors import ConvergenceError
 
@@ -41,6 +41,7 @@ _SWEEPS = ((100, 0.0), (5, 0.5), (1000, 0.0), (80, 0.25))
 """Sweeps with bounds that follow (share 0), or problems with frozen ones and the damping."""
 _FROZEN = 200
 _GROWING = (0.05, 0.1, 0.2, 0.4, 0.7)  # shares of the friction
+_STICK = (*STICK[0], _HELD), STICK[1]  # as `few_cones` has it
 
 
 @dataclass(frozen=True)
@@ -134,6 +135,11 @@ def solve_cones(
     Raises:
         ConvergenceError: They were not found.
     """
+    if problem.is_plain and 0 < len(start) <= _FEW:
+        law = full(problem.matrix), problem.offset, problem.friction, problem.base
+        fine, force, total = few_cones(*law, start, tolerance, max_iterations, *_STICK)
+        if fine:
+            return np.asarray(force), int(total)
     problem, start = _yielding(problem, start)
     force, total, accuracy = np.zeros_like(start), 0, accuracy or Accuracy()
     wrong = np.ones(len(start), dtype=bool)

@@ -236,9 +236,12 @@ class Gaps:
             return gap - moved, self._normal
         # Distances where the node is bound to go, normals where the forces act on the way: amid it,
         # their work is that of the change of distance, but for the cube of the way.
-        static = last - begin
-        there = self._positions + displacement + static
+        static = None if last is begin else last - begin
+        there = self._positions + displacement
+        if static is not None:
+            there += static
         if self._nodes is not None:
+            static = np.zeros_like(there) if static is None else static
             return self._several(self._nodes, there, static, time)
         self._nearest, gap, normal = nearest_obstacle(self._obstacles, there, time)
         acting, when, near = there, time, gap
@@ -250,7 +253,8 @@ class Gaps:
                 if mine.any():
                     near[mine], normal[mine] = signed_distance(obstacle, acting[mine], when)
         self._face(acting, near, normal, when)
-        return gap - self.radius - np.einsum("ij,ij->i", normal, static), normal
+        gap = gap - self.radius
+        return gap if static is None else gap - np.einsum("ij,ij->i", normal, static), normal
 
     def _several(
         self, nodes: Integers, there: Floats, static: Floats, time: float

@@ -34,6 +34,11 @@ class GapsBeside:
         return len(self.first.pair_of())
 
     @property
+    def moves(self) -> bool:
+        """Whether what some nodes face moves by itself."""
+        return self.first.moves or self.second.moves
+
+    @property
     def shares_nodes(self) -> bool:
         """Whether a node may have gaps to several obstacles."""
         return self.first.shares_nodes or self.second.shares_nodes

@@ -9,7 +9,8 @@ from scipy.sparse import csr_matrix, diags, vstack
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.responses import Columns
 from impactfem.contact.rooted import Matrix, Rooted
-from impactfem.contact.sparse_rows import across, directed_roots, times
+from impactfem.contact.sparse_kernels import directed_weights, row_products
+from impactfem.contact.sparse_rows import across, directed_roots, rows_of, times
 
 type Weights = Floats | csr_matrix
 
@@ -50,7 +51,7 @@ class PairResponses:
         empty: Weights = np.empty((0, size)) if self._apart is None else csr_matrix((0, size))
         self._layer, self._static = empty, empty
         self._rooted: NDArray[np.bool_] = np.zeros(nodes, dtype=bool)
-        self._roots: Weights | None = None
+        self._roots: csr_matrix | None = None
 
     def follow(self, weights: Weights) -> None:
         """Take other weights W, shape (pairs, nodes): an array where there are few."""
@@ -98,8 +99,7 @@ class PairResponses:
             roots: Of the nodes that have some.
         """
         if roots is not None:
-            self._rooted, values = roots
-            self._roots = values if self._apart is not None else values.toarray()
+            self._rooted, self._roots = roots
         known = [node for node in self._order if changed[node]]
         if not known:
             return
@@ -179,9 +179,8 @@ class PairResponses:
         """
         size = len(rows) * self._dim
         if isinstance(self._weights, np.ndarray):
-            each = [self._operator(rows, frames[:, i]) for i in range(self._dim)]
-            return self._reduced(np.stack(each, axis=1).reshape(size, -1))
-        if not self._order and isinstance(self._roots, csr_matrix):
+            return self._reduced(np.asarray(directed_weights(self._weights, rows, frames)))
+        if not self._order and self._apart is not None and self._roots is not None:
             roots = directed_roots(self._weights, rows, frames, self._roots)
             return Rooted(roots), Rooted.none(size)
         # A row of each direction, with what the gap weighs.
@@ -242,7 +241,7 @@ class PairResponses:
             )
             layer, static = 0.5 * (layer + layer.T), 0.5 * (static + static.T)
         if self._roots is not None:
-            moved = parts @ self._roots
+            moved = _by_rows(parts, self._roots)
             layer += _full(moved @ moved.T)
         return layer, static
 
@@ -288,3 +287,10 @@ def _below(kept: Weights, found: Floats) -> Weights:
 
 def _full(matrix: Weights) -> Floats:
     return matrix if isinstance(matrix, np.ndarray) else np.asarray(matrix.toarray())
+
+
+def _by_rows(parts: Weights, matrix: csr_matrix) -> Weights:
+    """Rows times a sparse matrix."""
+    if isinstance(parts, np.ndarray):
+        return np.asarray(row_products(parts, *rows_of(matrix), matrix.shape[1]))
+    return csr_matrix(parts @ matrix)

@@ -223,8 +223,14 @@ class PairGaps:
         count = self._bound.shape[0]
         gaps, normals = [np.zeros(count)], [np.zeros((count, displacement.shape[1]))]
         for nodes, rows, obstacle in self._beside:
-            parts = (displacement[nodes], begin[nodes], last[nodes])
-            gaps[0][rows], normals[0][rows] = obstacle.at(*parts, time, back, span)
+            before = begin[nodes]
+            after = before if last is begin else last[nodes]
+            parts = before if displacement is begin else displacement[nodes], before, after
+            gap, normal = obstacle.at(*parts, time, back, span)
+            if len(rows) == count and not self._meetings:  # in their order
+                self._reach(normal)
+                return gap, normal
+            gaps[0][rows], normals[0][rows] = gap, normal
         static = last - begin
         met = self._first
         if self._moving:
@@ -249,6 +255,11 @@ class PairGaps:
         found = np.concatenate(normals)
         self._reach(found)
         return np.concatenate(gaps), found
+
+    @property
+    def moves(self) -> bool:
+        """Whether what some nodes face moves by itself, as obstacles may."""
+        return bool(self._led) or any(gaps.moves for _, _, gaps in self._beside)
 
     def only_on(self, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether a gap weighs no other nodes than some, (pairs,)."""

@@ -68,3 +68,33 @@ def directed_rows(ends, columns, values, rows, frames, root_ends, root_columns, 
             last += count
             stops[ways * i + w + 1] = last
     return found[:last], places[:last], stops
+
+
+@compiled
+def row_products(given, ends, columns, values, size):
+    """Rows of numbers (rows, entries) times a sparse matrix of so many columns."""
+    found = np.zeros((len(given), size))
+    for i in range(len(given)):
+        for j in range(given.shape[1]):
+            if given[i, j] != 0.0:
+                for k in range(ends[j], ends[j + 1]):
+                    found[i, columns[k]] += given[i, j] * values[k]
+    return found
+
+
+@compiled
+def directed_weights(weights, rows, frames):
+    """Weights (gaps, nodes) of some gaps times directions (rows, ways, dim) of each.
+
+    Of shape (rows ways, nodes dim).
+    """
+    ways, dim = frames.shape[1:]
+    found = np.zeros((len(rows) * ways, weights.shape[1] * dim))
+    for i in range(len(rows)):
+        for node in range(weights.shape[1]):
+            share = weights[rows[i], node]
+            if share != 0.0:
+                for w in range(ways):
+                    for c in range(dim):
+                        found[i * ways + w, node * dim + c] = share * frames[i, w, c]
+    return found

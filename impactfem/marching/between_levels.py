@@ -90,7 +90,7 @@ class Still(Meshless):
         """Of no body."""
         return []
 
-    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as others)
+    def initial(self, static: Floats) -> Sequence[Sums]:  # noqa: ARG002  (as others)
         """Of no body."""
         return []
 
@@ -273,16 +273,16 @@ class BetweenLevels(Meshless):
         found[0] = self._span**2 / 12.0 * self._rate * self.counts
         return found
 
-    def initial(self, static: Floats) -> list[Sums]:
+    def initial(self, static: Floats) -> Sequence[Sums]:
         """Sums of the initial state."""
         return self._told(self._bodies.initial(self._all(static)))
 
-    def finish(self, static: Floats) -> list[Sums]:
+    def finish(self, static: Floats) -> Sequence[Sums]:
         """End the layer and sum up."""
         ended = self._bodies.finish if self.march.layer else self._bodies.initial
         return self._told(ended(self._all(static)))
 
-    def _told(self, sums: list[Sums]) -> list[Sums]:
+    def _told(self, sums: Sequence[Sums]) -> Sequence[Sums]:
         over = self._span**2 / 8.0 * self._over * self.counts
         sums[0].elastic += float(self.between[0]) - over
         return sums

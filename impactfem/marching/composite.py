@@ -53,7 +53,7 @@ class Bodies[P: Stepper]:
         """Of the contact nodes of all bodies [m], (count, dim)."""
         return np.concatenate([part.surface_displacement for part in self.parts])
 
-    def initial(self, static: Floats) -> list[Sums]:
+    def initial(self, static: Floats) -> Sequence[Sums]:
         """Sums of the initial state, of each body."""
         return [s for k, part in enumerate(self.parts) for s in part.initial(static[self.own(k)])]
 
@@ -79,8 +79,10 @@ class Bodies[P: Stepper]:
         """Of the contact nodes of all bodies at the end of the step, as it is solved now [m]."""
         return np.concatenate([part.surface_iterate for part in self.parts])
 
-    def finish(self, static: Floats) -> list[Sums]:
+    def finish(self, static: Floats) -> Sequence[Sums]:
         """End the layer of all bodies; sums of each."""
+        if len(self.parts) == 1:
+            return self.parts[0].finish(static)
         each = enumerate(self.parts)
         return [sums for k, part in each for sums in part.finish(static[self.own(k)])]
 

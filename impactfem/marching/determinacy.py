@@ -92,9 +92,7 @@ class Determinacy:
         self, time: float, rows: Integers, pair_of: Callable[[], Integers], problem: ConeProblem,
         force: Floats, slip: Floats,
     ) -> None:  # fmt: skip
-        size = np.linalg.norm(slip, axis=1)
-        along = slip / np.where(size > 0.0, size, 1.0)[:, None]
-        bad = np.flatnonzero(jams(problem.matrix, problem.friction, along))
+        bad = np.flatnonzero(jams(problem.matrix, problem.friction, slip))
         count, at = 0, -1
         if len(bad):
             at = int(bad[0])

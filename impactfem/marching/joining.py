@@ -387,7 +387,7 @@ class Joining[P: Stepper](Bodies[P]):
         self._terms = self._ends
         return self._stored(self._ends), driven
 
-    def initial(self, static: Floats) -> list[Sums]:
+    def initial(self, static: Floats) -> Sequence[Sums]:
         """Sums of the initial state, of each body."""
         found = super().initial(static)
         if self.counts:

@@ -87,14 +87,14 @@ class Jointed(Joining[Interior], Composite):
         if self._struck:
             self._join()
 
-    def finish(self, static: Floats) -> list[Sums]:
+    def finish(self, static: Floats) -> Sequence[Sums]:
         """End the layer of all bodies; sums of each."""
         self._keep_rates()
         found = super().finish(static)
         for body in self._held:
             body.finish()
         stored, driven = self._ended()
-        if self.counts:
+        if self.counts and (stored or driven):
             found[self._first].elastic += stored
             found[self._first].work += driven
         return found

@@ -112,7 +112,7 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
         super().jolt(impulses)
         self._struck = True
 
-    def finish(self, static: Floats) -> list[Sums]:
+    def finish(self, static: Floats) -> Sequence[Sums]:
         """End the layer of all bodies; sums of each."""
         found = super().finish(static)
         if self.counts:

@@ -35,6 +35,46 @@ class Sums:
     attitude: Floats | None = None
 
 
+class SumsTable(Sequence[Sums]):
+    """The sums of many bodies as arrays, of which single ones are made when they are asked for.
+
+    Attributes:
+        sums: Numbers of `Sums` in their order but for the attitude, (bodies, numbers).
+        attitude: See `Sums`, (bodies, 2, dim, dim).
+    """
+
+    def __init__(self, sums: Floats, attitude: Floats) -> None:
+        """Keep arrays."""
+        self.sums, self.attitude = sums, attitude
+        self._made: list[Sums] | None = None
+
+    @property
+    def whole(self) -> bool:
+        """Whether the arrays still tell all: single ones may have been changed."""
+        return self._made is None
+
+    def none(self) -> "SumsTable":
+        """Zeros in their place, of ranks that do not sum up."""
+        return SumsTable(0.0 * self.sums, 0.0 * self.attitude)
+
+    def __len__(self) -> int:
+        """Number of bodies."""
+        return len(self.sums)
+
+    def __getitem__(self, body: Any) -> Any:
+        """Of a body."""
+        if self._made is None:
+            first, second = 3 + self.attitude.shape[-1], 3 + 2 * self.attitude.shape[-1]
+            self._made = [
+                Sums(kinetic, elastic, work, own[3:first], own[first:second], own[second:], turned)
+                for (kinetic, elastic, work), own, turned in zip(
+                    self.sums[:, :3].tolist(), self.sums,
+                    self.attitude.reshape(len(self.sums), -1), strict=True,
+                )
+            ]  # fmt: skip
+        return self._made[body]
+
+
 class Stepper(Protocol):
     """What the time loop asks of the bodies, whatever they do in a layer.
 
@@ -327,6 +367,10 @@ class ContactGaps(Protocol):
 
         What that is `at` has found, so that differences tell its way; (pairs, dim).
         """
+
+    @property
+    def moves(self) -> bool:
+        """Whether what some nodes face moves by itself, as obstacles may."""
 
     @property
     def shares_nodes(self) -> bool:

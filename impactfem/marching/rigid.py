@@ -16,19 +16,25 @@ from impactfem.arrays import Floats, Integers
 from impactfem.contact.pair_responses import Roots
 from impactfem.errors import ConvergenceError
 from impactfem.marching.iterated import SHARE
-from impactfem.marching.layers import Sums
+from impactfem.marching.layers import SumsTable
 from impactfem.marching.meshless import Meshless, step_length
 from impactfem.marching.rigid_kernels import (
     carried,
     frames,
     gathered,
+    gone_on,
+    looked_at,
+    placed,
     root_entries,
-    turn_all,
-    turned,
+    settled,
+    spun,
+    struck,
+    summed,
     turned_further,
+    velocities_of,
 )
 from impactfem.marching.rigid_start import RigidAtRest
-from impactfem.marching.rigid_sums import about_axes, applied, no_sums, on_bodies, sums_of
+from impactfem.marching.rigid_sums import about_axes, applied, on_bodies
 from impactfem.marching.turn_kernels import LARGEST
 from impactfem.scene import PiecewiseVector
 from impactfem.system.rigid import Rigid, in_space
@@ -74,14 +80,19 @@ class RigidBodies(Meshless):
         self.owns = [slice(*both) for both in pairwise(ends.tolist())]
         self.apart: Integers = np.repeat(np.arange(len(bodies)), sizes)
         self._free = np.array([each.free for each in bodies])
+        self._turns_freely = bool(self._free.any())
         self._mass = np.array([each.masses[0] for each in bodies])[:, None]
         self._inertia = np.array([each.inertia for each in bodies])
         self._inverse = np.linalg.inv(self._inertia)
+        self._given = self._mass, self._inertia, self._inverse, self._free
+        self._all = np.arange(len(bodies))
         self._gyration = np.sqrt(np.trace(self._inertia, axis1=1, axis2=2)[:, None] / self._mass)
         self._arms = np.concatenate([each.arms for each in bodies])
         self._following = np.concatenate([each.followers for each in bodies])
         self._roll = np.concatenate([each.rolling for each in bodies])[:, None]
+        self._straight_on = np.zeros_like(self._arms)  # arms along rims of what has none
         self._rims = [(k, each.rims) for k, each in enumerate(bodies) if each.rims is not None]
+        self._undriven = np.array([each.loads is None for each in bodies])
         self._driven = [(k, each.loads) for k, each in enumerate(bodies) if each.loads is not None]
         self.massive = self.volatile = np.ones(ends[-1], dtype=bool)
         self.radiating = ~self.massive
@@ -98,7 +109,7 @@ class RigidBodies(Meshless):
         # Of what rims touch, and where on them.
         self._normals = np.concatenate([each.normals for each in bodies])
         self._lowest = np.concatenate([each.lowest for each in bodies])
-        self._start = _NOWHERE[:, :dim]
+        self._start = np.zeros((len(self._arms), dim))
         self._begin()
         self._start = self.surface_displacement
         self._begin()
@@ -115,7 +126,7 @@ class RigidBodies(Meshless):
     def _around(self, rotations: Floats) -> Floats:
         """The part of the arms of nodes in space that is along rims [m], (nodes, 3)."""
         if not self._rims:
-            return _NOWHERE
+            return self._straight_on
         found = np.zeros_like(self._arms)
         for k, rims in self._rims:
             own = self.owns[k]
@@ -125,11 +136,10 @@ class RigidBodies(Meshless):
     def _begin(self) -> None:
         """What the next layer starts from."""
         self._turn = frames(self._angles)
-        self._bare = turned(self._turn, self.apart, self._arms)
-        self._pushed, self._turned = np.zeros_like(self._speed), np.zeros_like(self._spin)
+        self._pushed, self._turned = np.zeros((2, *self._speed.shape))
         self._speed_ahead, self._spin_ahead = self._speed, self._spin
         self._leaving: tuple[Floats, Floats] | None = None
-        self._displacement: Floats = self._places(self._centre, self._turn, self._bare)
+        self._bare, self._displacement = self._places(self._centre, self._turn)
 
     def memory(self) -> dict[str, Floats]:
         """Coordinates, their rates, and what rims touch."""
@@ -145,26 +155,31 @@ class RigidBodies(Meshless):
         """Centre and angles of a body, as `impactfem.system.rigid` has them."""
         return np.concatenate([self._centre[body, : self._dim], self._angles[body]])
 
-    def _velocities(self, rotations: Floats, rates: tuple[Floats, Floats], arms: Floats) -> Floats:
-        """Of places of the bodies with arms in space (nodes, 3) [m/s], (nodes, dim)."""
-        speeds, spins = rates
-        whirl = applied(rotations, spins)
-        return np.asarray(carried(speeds[None], whirl[None], self.apart, arms, self._dim)[0])
+    def _velocities(self, *, ahead: bool, beyond: Floats) -> Floats:
+        """Of places with more than the arms of nodes in space (nodes, 3) [m/s], (nodes, dim).
+
+        At the start of the step or at its end.
+        """
+        turn, arms = (self.end, self._ended) if ahead else (self._turn, self._bare)
+        rates = self.rates_ahead if ahead else self.rates
+        along = arms, self._around(turn), beyond
+        return np.asarray(velocities_of(turn, *rates, self.apart, *along, self._dim))
 
     @property
     def surface_velocity(self) -> Floats:
         """Of the contact nodes [m/s], (count, dim)."""
-        return self._velocities(self._turn, self.rates, self._bare + self._around(self._turn))
+        return self._velocities(ahead=False, beyond=self._straight_on)
 
     @property
     def surface_displacement(self) -> Floats:
         """Of the contact nodes since t = 0 [m], (count, dim)."""
         return self._displacement
 
-    def _places(self, centres: Floats, rotations: Floats, bare: Floats) -> Floats:
-        """Displacements of the nodes with some centres and arms in space but for rims [m]."""
-        there = centres[self.apart] + (bare + self._around(rotations))
-        return np.asarray(there[:, : self._dim] - self._start)
+    def _places(self, centres: Floats, rotations: Floats) -> tuple[Floats, Floats]:
+        """Arms in space but for rims (nodes, 3), and displacements of the nodes [m]."""
+        more = self._arms, self._around(rotations), self._start
+        bare, found = placed(rotations, centres, self.apart, *more)
+        return bare, found
 
     def begin(self, start: float, end: float) -> None:
         """Solve the step without contact forces."""
@@ -176,16 +191,14 @@ class RigidBodies(Meshless):
         """Take up a step between two times."""
         self._span, self._time = step_length(start, end, self.dt), 0.5 * (start + end)
         self._weight = self._mass * in_space(self.gravity(start, end))
-        self._pushed, self._turned = np.zeros_like(self._speed), np.zeros_like(self._spin)
-        shape = self._turn.shape
-        self._half, self.end = np.zeros_like(self._spin), np.empty(shape)
-        self._middle, self.freedom = np.empty(shape), np.empty(shape)
+        self._pushed, self._turned, self._half = np.zeros((3, *self._speed.shape))
+        self.end, self._middle, self.freedom = np.empty((3, *self._turn.shape))
         self._speed_ahead, self._spin_ahead = self._speed.copy(), self._spin.copy()
 
     @property
     def surface_iterate(self) -> Floats:
         """The same at the end of the step, when it was looked at last."""
-        return self._iterate
+        return np.asarray(self._iterate)
 
     def look(self) -> None:
         """See where contact nodes are as the step is solved now, and how forces act on them."""
@@ -195,30 +208,35 @@ class RigidBodies(Meshless):
             own = self.owns[k]
             near = self._normals[own], self._lowest[own], -1.0
             self._lowest[own] = rims.lowest(self.end[k], *near)
-        self._amid = turned(self._middle, self.apart, self._arms)
-        self._ended = turned(self.end, self.apart, self._arms)
-        self.acting = self._amid + self._around(self._middle) + self._offset
-        way = 0.5 * self._span * (self._speed + self._speed_ahead)
-        self._iterate = self._places(self._centre + way, self.end, self._ended)
+        turns = self._middle, self.end
+        rates, beyond = (self._speed, self._speed_ahead), tuple(map(self._around, turns))
+        self._amid, self._ended, self.acting, self._iterate = looked_at(
+            *turns, self._centre, rates, 0.5 * self._span, self.apart, self._arms, beyond,
+            self._offset, self._start,
+        )  # fmt: skip
 
     def settle(self) -> None:
         """Solve for the rates at the end of the step, with what has pushed so far."""
-        self._settle(np.arange(len(self._mass)))
+        self._settle(self._all)
 
     def _settle(self, chosen: Integers) -> None:
         """The same of some bodies."""
+        rates = self._speed_ahead, self._spin_ahead
+        ahead = *rates, self._half, self.end, self._middle, self.freedom
         for _ in range(_MOST):
-            pushed, kick = self.impulses()
-            given = self._inertia, self._inverse, self._turn, self._spin, kick
-            *found, fine = turn_all(*given, self._span, chosen, self._straight, self._free)
-            if not fine.all():
+            known = (self._speed_ahead.copy(), self._spin_ahead.copy()) if self._driven else None
+            lost = settled(
+                self._given, self._turn, self._speed, self._spin, self.impulses(), self._span,
+                chosen, self._straight, ahead,
+            )  # fmt: skip
+            if lost >= 0:
                 raise ConvergenceError(
-                    f"{self._bodies[chosen[~fine][0]].names[0]} turns too far in a step at t = "
+                    f"{self._bodies[lost].names[0]} turns too far in a step at t = "
                     f"{self._time:.6g} s: use a smaller solve.dt"
                 )
-            speeds = self._speed[chosen] + pushed[chosen] / self._mass[chosen]
-            settled = self._take(chosen, speeds, *found)
-            chosen = chosen[~settled]
+            if known is None:
+                break
+            chosen = chosen[~self._same(known)[chosen]]
             if not len(chosen):
                 break
         else:
@@ -235,6 +253,8 @@ class RigidBodies(Meshless):
             place = self._centre[k] + 0.5 * dt * mean
             ends = self._time - 0.5 * dt, self._time + 0.5 * dt
             self._loads[:, k] = loads(*ends, place, mean, self._whirl(k))
+        if self._applied is None and not self._driven:
+            return dt * self._weight + self._pushed, self._turned
         force, moment = self._loads if self._applied is None else self._loads + self._applied
         return dt * (force + self._weight) + self._pushed, dt * moment + self._turned
 
@@ -253,7 +273,7 @@ class RigidBodies(Meshless):
     def _whirl(self, body: int | slice = slice(None)) -> Floats:
         """Mean spins of the layer in space, (3,) or (bodies, 3)."""
         found = applied(self._turn[body], 0.5 * (self._spin[body] + self._spin_ahead[body]))
-        if not self._free.any():
+        if not self._turns_freely:
             return found
         whirls = (applied(self._turn, self._spin), applied(self.end, self._spin_ahead))
         mean = (0.5 * (whirls[0] + whirls[1]))[body]
@@ -269,30 +289,27 @@ class RigidBodies(Meshless):
         Velocities and spins at its end, along the axes of the bodies; the others are those of
         `impactfem.marching.rigid_kernels.turn_all`, and the rounding of velocities [m/s].
         """
-        each = speeds, spins, halves, ends, middles, freedoms
-        return bool(self._take(np.arange(len(self._mass)), *each, noise=noise).all())
+        known = self._speed_ahead, self._spin_ahead
+        self._speed_ahead, self._spin_ahead, self._half = speeds, spins, halves
+        self.end, self._middle, self.freedom = ends, middles, freedoms
+        return bool(self._same(known, noise).all())
 
-    def _take(
-        self, chosen: Integers, speeds: Floats, spins: Floats, halves: Floats, ends: Floats,
-        middles: Floats, freedoms: Floats, noise: float = float(np.finfo(float).tiny),
-    ) -> NDArray[np.bool_]:  # fmt: skip
-        """The same of some bodies; whether an iterate is the last one but for rounding, of each.
+    def _same(
+        self, known: tuple[Floats, Floats], noise: float = float(np.finfo(float).tiny)
+    ) -> NDArray[np.bool_]:
+        """Whether rates at the end are those known but for rounding, of each body.
 
         Velocity and spin are looked at together: one of them may be but rounding of the other.
         """
-        settled = np.ones(len(chosen), dtype=bool)
+        found = self._undriven.copy()
         if self._driven:
-            free = [each.loads is None for each in self._bodies]
-            change = np.abs(speeds - self._speed_ahead[chosen]).max(axis=1)
-            turn = np.abs(spins - self._spin_ahead[chosen]).max(axis=1)
-            radius = self._gyration[chosen, 0]
+            speeds, spins = self.rates_ahead
+            change = np.abs(speeds - known[0]).max(axis=1)
+            turn = np.abs(spins - known[1]).max(axis=1)
+            radius = self._gyration[:, 0]
             size = np.maximum(np.abs(speeds).max(axis=1), radius * np.abs(spins).max(axis=1))
-            allowed = _SETTLED * size + noise
-            settled = (np.maximum(change, radius * turn) <= allowed) | np.array(free)[chosen]
-        self._speed_ahead[chosen], self._spin_ahead[chosen] = speeds, spins
-        self._half[chosen], self.end[chosen] = halves, ends
-        self._middle[chosen], self.freedom[chosen] = middles, freedoms
-        return settled
+            found |= np.maximum(change, radius * turn) <= _SETTLED * size + noise
+        return found
 
     @property
     def masses(self) -> Floats:
@@ -321,8 +338,8 @@ class RigidBodies(Meshless):
             turns: Rotation vectors in space from how they are turned [rad], (bodies, 3).
         """
         rotations = Rotation.from_rotvec(turns).as_matrix() @ self._turn
-        bare = turned(rotations, self.apart, self._arms)
-        return self._places(self._centre + ways, rotations, bare), bare + self._around(rotations)
+        bare, found = self._places(self._centre + ways, rotations)
+        return found, bare + self._around(rotations)
 
     def loads_at_rest(self, ways: Floats, turns: Floats) -> Floats:
         """Forces and moments at t = 0 without contact, moved and turned so, (bodies, 6)."""
@@ -398,8 +415,7 @@ class RigidBodies(Meshless):
     @property
     def touching_velocity(self) -> Floats:
         """Of what touches, at the start of the step [m/s], (count, dim)."""
-        arms = self._bare + self._around(self._turn) + self._offset
-        return self._velocities(self._turn, self.rates, arms)
+        return self._velocities(ahead=False, beyond=self._offset)
 
     @property
     def surface_way(self) -> Floats:
@@ -415,8 +431,7 @@ class RigidBodies(Meshless):
         tangent = np.minimum(np.tan(np.minimum(0.5 * span * angle, 1.5)), _WHOLE)
         half = self._spin * tangent / np.maximum(angle, np.finfo(float).tiny)
         rotations = frames(turned_further(self._angles, half, 2.0 * np.arctan(half)))
-        bare = turned(rotations, self.apart, self._arms)
-        return self._places(self._centre + span * self._speed, rotations, bare)
+        return self._places(self._centre + span * self._speed, rotations)[1]
 
     def known(self) -> tuple[Floats, Floats]:
         """Rates at the end of the step as it is solved now, to compare others with."""
@@ -444,7 +459,7 @@ class RigidBodies(Meshless):
     def lay(self, forces: Floats) -> None:
         """Put the contact forces of the step (count, dim), to be solved for."""
         wrench = self._span * self.wrenches(forces[None])[0]
-        self._pushed, self._turned = wrench[:, :3], wrench[:, 3:]
+        self._pushed, self._turned = wrench[:, :3].copy(), wrench[:, 3:].copy()
 
     def touch(self, normals: Floats) -> None:
         """Learn where bodies that roll touch, by the normals of their nodes (count, dim)."""
@@ -462,14 +477,13 @@ class RigidBodies(Meshless):
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
         """Velocities where nodes touch at both ends of the layer without contact forces."""
-        first, last = (self._around(each) + self._offset for each in (self._turn, self.end))
-        before = self._velocities(self._turn, self.rates, self._bare + first)
-        return before, self._velocities(self.end, self.rates_ahead, self._ended + last)
+        before, after = (self._velocities(ahead=e, beyond=self._offset) for e in (False, True))
+        return before, after
 
     @property
     def velocity_ahead(self) -> Floats:
         """Of the contact nodes at the end of the step, as it is solved now [m/s], (count, dim)."""
-        return self._velocities(self.end, self.rates_ahead, self._ended + self._around(self.end))
+        return self._velocities(ahead=True, beyond=self._straight_on)
 
     def jolt(self, impulses: Floats) -> None:
         """Change the rates now by impulses on what touches [N s], (count, dim)."""
@@ -512,9 +526,7 @@ class RigidBodies(Meshless):
 
     def spins(self) -> Floats:
         """Velocities where nodes touch by unit spins in the layer [m], (turns, count, dim)."""
-        axes = np.eye(3)[2 * (3 - self._dim) :]
-        each = np.repeat(axes[:, None], len(self._mass), axis=1)
-        return np.asarray(carried(np.zeros_like(each), each, self.apart, self.acting, self._dim))
+        return np.asarray(spun(self.acting, self._dim))
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
@@ -522,9 +534,8 @@ class RigidBodies(Meshless):
 
     def strike(self, forces: Floats) -> Integers:
         """Add the impulses of contact forces (count, dim), to be solved for; on which bodies."""
-        wrench = self._span * self.wrenches(forces[None])[0]
-        self._pushed, self._turned = self._pushed + wrench[:, :3], self._turned + wrench[:, 3:]
-        return np.flatnonzero(wrench.any(axis=1))
+        own = self._span, self._pushed, self._turned
+        return np.asarray(struck(forces, self.apart, self.acting, *own))
 
     def turning(self) -> tuple[Floats, Floats]:
         """Spins of nodes at both ends of the layer without contact forces [rad/s]."""
@@ -551,7 +562,7 @@ class RigidBodies(Meshless):
         self._turned = self._turned + self._span * about_axes(moments)
         return np.flatnonzero(moments.any(axis=1))
 
-    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+    def finish(self, static: Floats) -> SumsTable:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
         return self.summed(self.advance())
 
@@ -565,14 +576,14 @@ class RigidBodies(Meshless):
             force, moment = self._applied
             done = np.einsum("bi,bi->b", force, mean) + np.einsum("bi,bi->b", moment, self._whirl())
             work += self._span * done
-        self._centre = self._centre + self._span * mean
-        ways = 0.5 * self._span * (self._spin + self._spin_ahead)
-        self._angles = turned_further(self._angles, self._half, ways)
+        rates = (self._speed, self._speed_ahead), (self._spin, self._spin_ahead)
+        now = self._centre, self._angles
+        self._centre, self._angles = gone_on(*now, *rates, self._half, self._span)
         self._speed, self._spin = self._leaving or self.rates_ahead
         self._begin()
         return work
 
-    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+    def initial(self, static: Floats) -> SumsTable:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""
         return self.summed(np.zeros(len(self._mass)))
 
@@ -581,12 +592,8 @@ class RigidBodies(Meshless):
         turns = self._dim * (self._dim - 1) // 2
         return [np.zeros((turns, turns)) for _ in self._bodies]
 
-    def summed(self, work: Floats) -> list[Sums]:
+    def summed(self, work: Floats) -> SumsTable:
         """Sums now, with the work of loads (bodies,) since the last ones [J]."""
-        if not self.counts:
-            return no_sums(len(self._mass), self._dim)
         ways = self._centre - self._first, self._speed, self._spin, self._turn
-        return sums_of(self._mass, self._inertia, *ways, work, self._dim)
-
-
-_NOWHERE = np.zeros((1, 3))
+        found = SumsTable(*summed(self._mass, self._inertia, *ways, work, self._dim))
+        return found if self.counts else found.none()

@@ -11,33 +11,132 @@ from impactfem.system.vector_kernels import across, by, dot
 
 
 @compiled
-def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen, straight, free):
-    """The rotations of a layer of some bodies; see `impactfem.marching.turn_kernels.turn`.
+def settled(bodies, rotations, speeds, spins, impulses, dt, chosen, straight, ahead):
+    """Rates and rotations at the end of a step of some bodies, by impulses in it, written.
 
     Args:
-        inertia, inverse: J [kg m^2] of all bodies and its inverse, (bodies, 3, 3).
+        bodies: Masses (bodies, 1) [kg], inertia J [kg m^2] and its inverse, (bodies, 3, 3), and
+            `turn`'s free, (bodies,).
         rotations: At the start, (bodies, 3, 3).
-        spins: [rad/s], (bodies, 3).
-        impulses: Of moments in space [N m s], (bodies, 3).
+        speeds, spins: There [m/s], along the axes of the bodies [rad/s], (bodies, 3).
+        impulses: Of forces [N s] and of moments in space [N m s], (bodies, 3) each.
         dt: [s].
         chosen: Which bodies, (some,).
-        straight: See `turn`.
-        free: See `turn`, (bodies,).
+        straight: See `impactfem.marching.turn_kernels.turn`.
+        ahead: Speeds and spins at the end, and halves, ends, middles and freedoms of `turn`.
 
     Returns:
-        What `turn` writes, with an axis of the chosen bodies before, and which were found.
+        The first body whose rotation was not found, -1 without any.
     """
-    count = len(chosen)
-    new, half = np.empty((count, 3)), np.empty((count, 3))
-    end, middle = np.empty((count, 3, 3)), np.empty((count, 3, 3))
-    freedom, found = np.empty((count, 3, 3)), np.empty(count, dtype=np.bool_)
-    for i in range(count):
-        k = chosen[i]
-        found[i] = turn(
-            inertia[k], inverse[k], rotations[k], spins[k], impulses[k], dt, straight,
-            free[k], new[i], half[i], end[i], middle[i], freedom[i],
+    mass, inertia, inverse, free = bodies
+    speed, spin, half, end, middle, freedom = ahead
+    for k in chosen:
+        found = turn(
+            inertia[k], inverse[k], rotations[k], spins[k], impulses[1][k], dt, straight,
+            free[k], spin[k], half[k], end[k], middle[k], freedom[k],
         )  # fmt: skip
-    return new, half, end, middle, freedom, found
+        if not found:
+            return k
+        for c in range(3):
+            speed[k, c] = speeds[k, c] + impulses[0][k, c] / mass[k, 0]
+    return -1
+
+
+@compiled
+def placed(rotations, centres, of, arms, beyond, start):
+    """Arms (places, 3) along the axes of bodies in space, and displacements (places, dim).
+
+    Args:
+        rotations, centres: Of the bodies, (bodies, 3, 3) and (bodies, 3).
+        of: Body of each place, (places,).
+        arms: (places, 3).
+        beyond: What is added to the arms in space, (places, 3).
+        start: Where places were at t = 0, (places, dim).
+    """
+    bare = turned(rotations, of, arms)
+    found = np.empty(start.shape)
+    for i in range(len(of)):
+        for c in range(start.shape[1]):
+            found[i, c] = centres[of[i], c] + (bare[i, c] + beyond[i, c]) - start[i, c]
+    return bare, found
+
+
+@compiled
+def looked_at(middles, ends, centres, rates, half, of, arms, beyond, offset, start):
+    """Arms in space amid a step and at its end, where forces act, and displacements there.
+
+    Args:
+        middles, ends: Rotations, (bodies, 3, 3).
+        centres: At the start of the step, (bodies, 3).
+        rates: Velocities at both ends, (bodies, 3) each.
+        half: Half the step [s].
+        of, arms, start: As of `placed`.
+        beyond: Its ``beyond`` amid the step and at its end.
+        offset: From nodes to where they touch, (places, 3).
+    """
+    there = np.empty_like(centres)
+    for k in range(len(centres)):
+        for c in range(3):
+            there[k, c] = centres[k, c] + half * (rates[0][k, c] + rates[1][k, c])
+    ended, found = placed(ends, there, of, arms, beyond[1], start)
+    amid = turned(middles, of, arms)
+    acting = np.empty_like(amid)
+    for i in range(len(of)):
+        for c in range(3):
+            acting[i, c] = amid[i, c] + beyond[0][i, c] + offset[i, c]
+    return amid, ended, acting, found
+
+
+@compiled
+def velocities_of(rotations, speeds, spins, of, arms, beyond, offset, dim):
+    """Of places with arms in space on bodies that spin about their axes, (places, dim)."""
+    found = np.empty((len(of), dim))
+    for i in range(len(of)):
+        k = of[i]
+        a, b, c = by(rotations[k], spins[k])
+        x = arms[i, 0] + beyond[i, 0] + offset[i, 0]
+        y = arms[i, 1] + beyond[i, 1] + offset[i, 1]
+        z = arms[i, 2] + beyond[i, 2] + offset[i, 2]
+        found[i, 0] = speeds[k, 0] + (b * z - c * y)
+        found[i, 1] = speeds[k, 1] + (c * x - a * z)
+        if dim == 3:
+            found[i, 2] = speeds[k, 2] + (a * y - b * x)
+    return found
+
+
+@compiled
+def struck(forces, of, arms, dt, pushed, moved):
+    """Add impulses and their moments, (bodies, 3) each, of forces (places, dim) in a step.
+
+    Returns:
+        The bodies that forces act on.
+    """
+    whole = gathered(forces.reshape(1, *forces.shape), of, arms, len(pushed))[0]
+    acts = np.zeros(len(pushed), dtype=np.bool_)
+    for k in range(len(pushed)):
+        for c in range(3):
+            pushed[k, c] += dt * whole[k, c]
+            moved[k, c] += dt * whole[k, 3 + c]
+            acts[k] = acts[k] or whole[k, c] != 0.0 or whole[k, 3 + c] != 0.0
+    return np.flatnonzero(acts)
+
+
+@compiled
+def gone_on(centres, angles, speeds, spins, halves, dt):
+    """Centres and angles at the end of a step; see `turned_further`.
+
+    Args:
+        centres, angles: At its start.
+        speeds, spins: At both ends, (bodies, 3) each.
+        halves: Of the rotation, (bodies, 3).
+        dt: [s].
+    """
+    there, ways = np.empty_like(centres), np.empty_like(centres)
+    for k in range(len(centres)):
+        for c in range(3):
+            there[k, c] = centres[k, c] + dt * (0.5 * (speeds[0][k, c] + speeds[1][k, c]))
+            ways[k, c] = 0.5 * dt * (spins[0][k, c] + spins[1][k, c])
+    return there, turned_further(angles, halves, ways)
 
 
 @compiled
@@ -119,6 +218,21 @@ def carried(speeds, spins, of, arms, dim):
 
 
 @compiled
+def spun(arms, dim):
+    """Velocities at arms in space (places, 3) by unit spins, (turns, places, dim)."""
+    found = np.zeros((dim * (dim - 1) // 2, len(arms), dim))
+    for i in range(len(arms)):
+        x, y, z = arms[i]
+        if dim == 2:
+            found[0, i, 0], found[0, i, 1] = -y, x
+            continue
+        found[0, i, 1], found[0, i, 2] = -z, y
+        found[1, i, 0], found[1, i, 2] = z, -x
+        found[2, i, 0], found[2, i, 1] = -y, x
+    return found
+
+
+@compiled
 def gathered(forces, of, arms, count):
     """Forces and moments on bodies, (several, bodies, 6), by forces (several, places, dim)."""
     found = np.zeros((len(forces), count, 6))
@@ -139,25 +253,36 @@ def gathered(forces, of, arms, count):
 
 
 @compiled
-def summed(mass, inertia, moved, speed, spin, rotated, dim):
-    """Kinetic energy, momenta and attitude of bodies; see `impactfem.marching.rigid_sums.sums_of`.
+def summed(mass, inertia, moved, speed, spin, rotated, work, dim):
+    """Sums of bodies as `impactfem.marching.layers.SumsTable` has them.
+
+    Args:
+        mass: [kg], (bodies, 1).
+        inertia: Along their axes [kg m^2], (bodies, 3, 3).
+        moved: Displacements of the centres [m], (bodies, 3).
+        speed, spin: [m/s], along their axes [rad/s], (bodies, 3).
+        rotated: Rotations, (bodies, 3, 3).
+        work: Of loads in the layer [J], (bodies,).
+        dim: Dimension of space.
 
     Returns:
-        (bodies,); momentum, first moment of mass and angular momentum, (bodies, 2 dim + 1 or 3);
-        moments of inertia that turn with them and about axes, (bodies, 2 dim dim). Only the polar
-        factor of the first is asked for: of a rod the moments of mass would not have one.
+        The sums, (bodies, 3 + 2 dim + 1 or 3); moments of inertia that turn with them and about
+        axes, (bodies, 2, dim, dim). Only the polar factor of the first is asked for: of a rod the
+        moments of mass would not have one.
     """
     count, turns = len(mass), dim * (dim - 1) // 2
-    energy, vectors = np.empty(count), np.empty((count, 2 * dim + turns))
+    found = np.zeros((count, 3 + 2 * dim + turns))
     attitude = np.zeros((count, 2, dim, dim))
     for k in range(count):
         own, along = rotated[k], by(inertia[k], spin[k])
-        energy[k] = 0.5 * (mass[k] * dot(speed[k], speed[k]) + dot(spin[k], along))
+        found[k, 0] = 0.5 * (mass[k, 0] * dot(speed[k], speed[k]) + dot(spin[k], along))
+        found[k, 2] = work[k]
         angular = by(own, along)
         for i in range(dim):
-            vectors[k, i], vectors[k, dim + i] = mass[k] * speed[k, i], mass[k] * moved[k, i]
+            found[k, 3 + i] = mass[k, 0] * speed[k, i]
+            found[k, 3 + dim + i] = mass[k, 0] * moved[k, i]
         for i in range(turns):
-            vectors[k, 2 * dim + i] = angular[3 - turns + i]
+            found[k, 3 + 2 * dim + i] = angular[3 - turns + i]
         j = inertia[k]
         size = j[2, 2] if dim == 2 else j[0, 0] + j[1, 1] + j[2, 2]
         for i in range(dim):
@@ -167,7 +292,7 @@ def summed(mass, inertia, moved, speed, spin, rotated, dim):
                 attitude[k, 0, i, m] = size * own[i, m]
                 if dim == 3:
                     attitude[k, 1, i, m] -= dot(row, own[m])
-    return energy, vectors, attitude.reshape(count, -1)
+    return found, attitude
 
 
 @compiled

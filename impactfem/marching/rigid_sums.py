@@ -1,44 +1,9 @@
-"""Sums of a level of rigid bodies."""
+"""What arrays of rigid bodies need besides kernels."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
-from impactfem.marching.layers import Sums
-from impactfem.marching.rigid_kernels import summed
-
-
-def sums_of(
-    mass: Floats, inertia: Floats, moved: Floats, speed: Floats, spin: Floats, rotated: Floats,
-    work: Floats, dim: int,
-) -> list[Sums]:  # fmt: skip
-    """Sums of each body.
-
-    Args:
-        mass: [kg], (bodies, 1).
-        inertia: Along their axes [kg m^2], (bodies, 3, 3).
-        moved: Displacements of the centres [m], (bodies, 3).
-        speed: Velocities [m/s].
-        spin: Along their axes [rad/s].
-        rotated: Rotations, (bodies, 3, 3).
-        work: Of loads in the layer [J], (bodies,).
-        dim: Dimension of space.
-    """
-    kinetic, vectors, attitude = summed(mass[:, 0], inertia, moved, speed, spin, rotated, dim)
-    ends = dim, 2 * dim
-    return [
-        Sums(energy, 0.0, done, own[: ends[0]], own[ends[0] : ends[1]], own[ends[1] :], turned)
-        for energy, done, own, turned in zip(
-            kinetic.tolist(), work.tolist(), vectors, attitude, strict=True
-        )
-    ]
-
-
-def no_sums(bodies: int, dim: int) -> list[Sums]:
-    """Those of ranks that do not sum up."""
-    none = np.zeros(dim)
-    turning = np.zeros(dim * (dim - 1) // 2), np.zeros(2 * dim**2)
-    return [Sums(0.0, 0.0, 0.0, none, none, *turning) for _ in range(bodies)]
 
 
 def applied(matrices: Floats, vectors: Floats) -> Floats:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
-from impactfem.marching.layers import Stepper, Sums
+from impactfem.marching.layers import Stepper, Sums, SumsTable
 
 
 class Level:
@@ -184,6 +184,9 @@ class Rows:
 
     def put(self, row: int, bodies: Sequence[Sums]) -> None:
         """Store the sums of a row, of each body."""
+        if isinstance(bodies, SumsTable) and bodies.whole:
+            self.sums[row], self.attitude[row] = bodies.sums, bodies.attitude
+            return
         row_of, dim = self.sums[row], self.attitude.shape[-1]
         row_of[:, :3] = [(sums.kinetic, sums.elastic, sums.work) for sums in bodies]
         row_of[:, 3 : 3 + dim] = [sums.momentum for sums in bodies]

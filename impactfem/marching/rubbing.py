@@ -13,6 +13,7 @@ from impactfem.contact.friction_newton import ConeProblem, Springs
 from impactfem.contact.friction_solver import Solving, solve
 from impactfem.contact.layer_law import Layer, LayerContact, keeping, solve_layer
 from impactfem.contact.rooted import Matrix, full
+from impactfem.contact.speed_kernels import frames_of
 from impactfem.contact.speed_law import Halfway
 from impactfem.contact.springs import ContactSprings
 from impactfem.marching.resisting import Moments
@@ -195,14 +196,14 @@ def held_by_static[Found](
     while True:
         mu = np.where(holds, static, kinetic)
         found, force = solve(mu)
-        inside = np.linalg.norm(force[:, 1:], axis=1) < (1.0 - _ON_CONE) * mu * force[:, 0]
+        inside = np.linalg.norm(force[:, 1:], axis=1) < (1.0 - ON_CONE) * mu * force[:, 0]
         slips = holds & ~inside & (force[:, 0] > 0.0)
         if not slips.any():
             return found, inside
         holds = holds & ~slips
 
 
-_ON_CONE = 1e-9  # share of the bound within which a tangential force has reached it
+ON_CONE = 1e-9  # share of the bound within which a tangential force has reached it
 
 
 def _solve(
@@ -324,24 +325,7 @@ def told(directions: Floats, force: Floats, way: Floats) -> tuple[Floats, Floats
 
 def frames(normals: Floats) -> Floats:
     """Orthonormal directions with the normals first, shape (k, dim, dim)."""
-    count, dim = normals.shape
-    found = np.zeros((count, dim, dim))
-    found[:, 0] = normals
-    if dim == 2:
-        found[:, 1] = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
-        return found
-    first = crossed(normals, np.eye(3)[np.argmin(np.abs(normals), axis=1)])
-    found[:, 1] = first / np.sqrt(np.einsum("ij,ij->i", first, first))[:, None]
-    found[:, 2] = crossed(normals, found[:, 1])
-    return found
-
-
-def crossed(a: Floats, b: Floats) -> Floats:
-    """Cross products of rows, (k, 3): of few of them in a third of the time NumPy's takes."""
-    return a[:, _NEXT] * b[:, _AFTER] - a[:, _AFTER] * b[:, _NEXT]
-
-
-_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
+    return np.asarray(frames_of(np.ascontiguousarray(normals)))
 
 
 def turned(directions: Floats, vectors: Floats) -> Floats:
@@ -354,3 +338,11 @@ def in_space(directions: Floats, components: Floats) -> Floats:
     """Vectors of components along some directions, the inverse of `turned`."""
     found: Floats = np.einsum("kij,ki->kj", directions, components)
     return found
+
+
+def crossed(a: Floats, b: Floats) -> Floats:
+    """Cross products of rows, (k, 3): of few of them in a third of the time NumPy's takes."""
+    return a[:, _NEXT] * b[:, _AFTER] - a[:, _AFTER] * b[:, _NEXT]
+
+
+_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]

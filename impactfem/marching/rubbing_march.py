@@ -2,18 +2,22 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, cast
 
 import numpy as np
 
-from impactfem.arrays import Floats, Integers
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.friction_newton import ConeProblem
+from impactfem.contact.friction_solver import solve
+from impactfem.contact.rooted import Matrix, among
+from impactfem.contact.speed_kernels import approaching, closing, prepared, vectors_of
 from impactfem.findings import Finding
 from impactfem.marching.composite import Composite
 from impactfem.marching.layers import DirectedAnswers, DirectedGaps, Interior, Rolling
 from impactfem.marching.resisting import Moments, resisting
 from impactfem.marching.rubbing import (
+    ON_CONE,
     Friction,
     LayerGaps,
     Rubbing,
@@ -96,12 +100,14 @@ class RubbingMarch(SolidMarch):
         self._rubbing.advance(self._tangential, place)
         rows, row = self.rows, self.layer
         # What rubs in an impact is part of its law: a split of its loss would say nothing.
-        struck = self._impulsive
-        rows.friction_work[row] = part * float(self._rubbing.work[~struck].sum())
-        rows.impact_work[row] += part * float(self._rubbing.work[struck].sum())
-        before = max(0.0, time - self.interior.dt / part)
-        shift = self._gaps.shift(time) - self._gaps.shift(before)
-        rows.obstacle_work[row] += part * float((self._rubbing_force * shift).sum())
+        struck, work = self._impulsive, self._rubbing.work
+        lost = float(work[struck].sum()) if struck.any() else 0.0
+        rows.friction_work[row] = part * (float(work.sum()) - lost)
+        rows.impact_work[row] += part * lost
+        if self._gaps.moves:
+            before = max(0.0, time - self.interior.dt / part)
+            shift = self._gaps.shift(time) - self._gaps.shift(before)
+            rows.obstacle_work[row] += part * float((self._rubbing_force * shift).sum())
 
     def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
         """Store what pairs have of the forces, gaps and slip."""
@@ -187,22 +193,90 @@ class RubbingMarch(SolidMarch):
             place = place - cast("Rolling", self.interior).rolled
         return contact.older_multiplier, contact.older_gap, state.older_tangential, place, 2.0
 
-    def _layer_forces(  # noqa: PLR0915  (a layer is one matter)
+    @cached_property
+    def _at_speeds(self) -> bool:
+        """Whether the law of all gaps acts on speeds, and nothing else acts in them."""
+        law, interior = self._rubbing.law, self.interior
+        more = law.rolling.any() or law.spinning.any() or (law.static > law.coefficients).any()
+        by_mass = self._massive.all() and not interior.radiating.any() and not self._skips
+        at_once = self._scheme.rule == "middle" and self._impacts.law == "simultaneous"
+        without = self._springs is None and self._poisson is None and not more
+        return bool(without and by_mass and at_once)
+
+    def _shifts(self, count: int, dim: int) -> Floats:
+        """Ways and speeds of what nodes face as `approaching` takes them, (gaps, 4 dim)."""
+        gaps, dt = self._gaps, self.interior.dt
+        if not gaps.moves:
+            return np.zeros((count, 4 * dim))
+        time = (self.layer + 1) * dt
+        first, second = self._obstacle_speeds()
+        self._led = 0.5 * dt * (first + second)
+        return np.hstack([gaps.shift(time), gaps.shift(max(0.0, time - dt)), first, second])
+
+    def _forces_at_speeds(
+        self, gap: Floats, normals: Floats, free: Floats, last: Floats
+    ) -> tuple[Floats, Floats, Floats, int] | None:
+        """`_layer_forces` where `_at_speeds`; None without friction where gaps act."""
+        state, answers = self._rubbing, cast("DirectedAnswers", self._responses)
+        interior, gaps, contact, law = self.interior, self._gaps, self.contact, self._rubbing.law
+        (count, dim), dt, share = normals.shape, interior.dt, interior.share
+        speeds = interior.contact_speeds(free - last)
+        relative = gaps.relative(np.hstack([free + self._rolled, last, *speeds]))
+        shift, pushed = self._shifts(count, dim), contact.multiplier
+        motion = relative, shift, normals, gap, contact.gap, pushed, self._lively, law.rebound
+        found = approaching(*motion, (self.tolerance, dt, self._reach))
+        rows, halfway, self._normal_speed, self._mean_way = found[:4]
+        self._arriving, self._leaving, struck, fastest = found[4:]
+        acts, mu = struck[rows] | (gap[rows] <= self.tolerance), law.coefficients[rows]
+        if not mu[acts].any():
+            return None
+        self._fast, self._braked = np.ones(count, dtype=bool), 0.0
+        self._slipping = relative[:, 2 * dim : 3 * dim] - shift[:, 2 * dim : 3 * dim]
+        answers.require(rows)
+        before = halfway, normals, state.tangential, pushed, relative, shift, _SLOW * fastest
+        directions, way, near, slip = prepared(rows, *before)
+        matrix = share * answers.blocks(rows, directions)[0]
+        self._in_turn(rows, struck[rows], matrix, partial(self._slips, rows, directions), law)
+        problem = ConeProblem(matrix, way, mu, np.zeros(len(rows)))
+        force, iterations = _acting(problem, near, acts, law)
+        whole = vectors_of(rows, directions, force, count)
+        moved = answers.moved(rows, share * whole[rows], whole[rows])
+        done = relative, shift, force, _times(matrix, force), moved, whole, (1.0 - ON_CONE) * mu
+        found = closing(rows, directions, normals, gap, *done)
+        self._tangential, pushes, self._true_gap, state.work, state.stuck, *told = found
+        self._rubbing_force, self._slid = self._tangential, (rows, *told)
+        if force.any():
+            interior.push(gaps.spread(whole), None, answers.parts(rows, whole[rows]))
+        time = (self.layer + 1) * dt
+        self._determinacy.look(time, rows, gaps.pair_of, problem, force, slip)
+        return pushes, pushes, np.zeros_like(free), iterations
+
+    def _layer_forces(
         self, gap: Floats, normals: Floats, free: Floats, last: Floats
     ) -> tuple[Floats, Floats, Floats, int]:
         """Forces of the layer, multipliers at its end, what they do, and linear systems solved."""
-        state, answers = self._rubbing, cast("DirectedAnswers", self._responses)
-        interior, gaps, contact, dt = self.interior, self._gaps, self.contact, self.interior.dt
-        time, share, count = (self.layer + 1) * dt, interior.share, len(gap)
-        force, multiplier, static = np.zeros(count), np.zeros(count), np.zeros_like(free)
-        old, old_gap, old_tangential, old_place, back = self._earlier(last)
+        state, contact, count = self._rubbing, self.contact, len(gap)
         state.work, self._true_gap, self._braked = np.zeros(count), gap, 0.0
         self._tangential = self._rubbing_force = np.zeros_like(normals)
         self._slid = None
-        taking_part = (old > 0.0) | (contact.multiplier > 0.0) | (gap < -self.tolerance)
+        taking_part = (contact.multiplier > 0.0) | (gap < -self.tolerance)
+        if self._skips:
+            taking_part |= contact.older_multiplier > 0.0
         if not taking_part.any():
             state.stuck = np.zeros(count)
-            return force, multiplier, static, 0
+            return np.zeros(count), np.zeros(count), np.zeros_like(free), 0
+        found = self._forces_at_speeds(gap, normals, free, last) if self._at_speeds else None
+        return found or self._forces_at_levels(gap, normals, free, last, taking_part)
+
+    def _forces_at_levels(  # noqa: PLR0915  (a layer is one matter)
+        self, gap: Floats, normals: Floats, free: Floats, last: Floats, taking_part: Booleans
+    ) -> tuple[Floats, Floats, Floats, int]:
+        """The same where the law of some gaps acts on places."""
+        state, answers = self._rubbing, cast("DirectedAnswers", self._responses)
+        interior, gaps, dt = self.interior, self._gaps, self.interior.dt
+        time, share, count = (self.layer + 1) * dt, interior.share, len(gap)
+        force, multiplier, static = np.zeros(count), np.zeros(count), np.zeros_like(free)
+        old, old_gap, old_tangential, old_place, back = self._earlier(last)
         way = gaps.relative(free + self._rolled) - gaps.shift(time)
         old_way = gaps.relative(old_place) - gaps.shift(max(0.0, time - back * dt))
         held = gaps.relative(last) - gaps.shift(time - dt) if self._skips else None
@@ -278,3 +352,23 @@ class RubbingMarch(SolidMarch):
         self._rubbing_force = whole - force[:, None] * normals
         self._slid = rows, *told(directions, found.force, layer.slid(found.place))
         return force, multiplier, static, iterations
+
+
+def _acting(
+    problem: ConeProblem, near: Floats, acts: Booleans, law: Friction
+) -> tuple[Floats, int]:
+    """Forces in gaps of which some act, (rows, dim), and linear systems solved."""
+    if acts.all():
+        return solve(problem, near, law.solving)
+    force, at, dim = np.zeros_like(near), np.flatnonzero(acts), near.shape[1]
+    wide = (dim * at[:, None] + np.arange(dim)).ravel()
+    own = problem.offset[at], problem.friction[at], problem.base[at]
+    force[at], iterations = solve(
+        ConeProblem(among(problem.matrix, wide), *own), near[at], law.solving
+    )
+    return force, iterations
+
+
+def _times(matrix: Matrix, values: Floats) -> Floats:
+    """A matrix times values (rows, dim)."""
+    return np.asarray((matrix @ values.ravel()).reshape(values.shape))

@@ -11,6 +11,7 @@ from impactfem.contact.adhesion import Bonds
 from impactfem.contact.impact_law import Approach
 from impactfem.contact.layer_law import Layer, keeping, solve_layer
 from impactfem.contact.rooted import Matrix, full
+from impactfem.contact.speed_kernels import struck_sums
 from impactfem.contact.speed_law import Halfway, rebound, returned
 from impactfem.contact.springs import ContactSprings, unresolved
 from impactfem.findings import Finding
@@ -83,7 +84,7 @@ class SolidMarch(TimeLoop[Interior]):
         layer, interior, state = self.layer, self.interior, self.contact
         time = (layer + 1) * interior.dt
         begin = interior.surface_displacement
-        last = begin + state.static
+        last = begin + state.static if state.static.any() else begin
         interior.begin(layer * interior.dt, time)
         free = interior.surface_iterate
         # Forces of explicit layers act at their start, amid two steps.
@@ -109,8 +110,9 @@ class SolidMarch(TimeLoop[Interior]):
             held = self._hold(self._bonds, force, multiplier, normals, begin)
         half = 0.5 if explicit else 1.0
         # Along the normals of this layer: others would make work of their turning.
-        led = _along(normals, self._obstacle_way(time, half))
-        self.rows.obstacle_work[self.layer] = half * float((force - held) @ led)
+        if self._gaps.moves:
+            led = _along(normals, self._obstacle_way(time, half))
+            self.rows.obstacle_work[self.layer] = half * float((force - held) @ led)
         self.rows.braked_work[self.layer] = half * self._braked
         self._end_layer(time, half, interior.surface_displacement + static)
         self.contact = ContactState(multiplier, true, state.multiplier, state.gap, static)
@@ -331,15 +333,16 @@ class SolidMarch(TimeLoop[Interior]):
         self._impulsive = np.zeros(len(force), dtype=bool)
         if (self._scheme.contact == "velocity" and not self._by_mass) or not force.any():
             return
-        fast = self._fast & (force > 0.0)
-        if not fast.any():
+        if not (self._fast & (force > 0.0)).any():
             return
         share, answered = self.interior.share, 0.5 * self.interior.dt / self._reach
         row, way = self.layer, self._mean_way + answered * (self._true_gap - gap)
-        self.rows.impact_work[row] = share * float(force[fast] @ way[fast])
-        if (fast & (self.contact.multiplier == 0.0) & self._arriving).any():
-            self._impulsive = fast
-            self.rows.impact[row] = share * self.interior.dt * float(force[fast].sum())
+        before = self.contact.multiplier
+        work, struck = struck_sums(force, self._fast, way, before, self._arriving)
+        self.rows.impact_work[row] = share * work
+        if struck:
+            self._impulsive = self._fast & (force > 0.0)
+            self.rows.impact[row] = share * self.interior.dt * struck
 
     def _contact_forces(  # noqa: PLR0915  (a layer is one matter)
         self, gap: Floats, normals: Floats, way: Floats

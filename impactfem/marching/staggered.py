@@ -12,7 +12,7 @@ is so to second order. Gaps see the levels, where the bodies are shown too. The 
 as long, and so is what contact pushes in it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -125,7 +125,7 @@ class Staggered:
         self.bodies.remember(memory)
         self.rolled = memory["rolled"].copy()
 
-    def finish(self, static: Floats) -> list[Sums]:
+    def finish(self, static: Floats) -> Sequence[Sums]:
         """End the step and go on to the level; sums amid the layer, but moments of the level."""
         half, begun = 0.5 * self.dt, self._beside()
         found = self.bodies.finish(static)

@@ -12,6 +12,7 @@ from impactfem.contact.adhesion import Bonds
 from impactfem.contact.complementarity import Solver
 from impactfem.contact.friction_solver import Solving
 from impactfem.contact.impact_law import Law
+from impactfem.contact.speed_kernels import rubbing_sums
 from impactfem.contact.springs import ContactSprings
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
@@ -352,12 +353,10 @@ class TimeLoop[I: Stepper](ABC):
             acting: Their forces as `impactfem.marching.rubbing.told` has them [N], (rows, 2 or 4).
             way: Ways slid [m], (rows,).
         """
-        pressing, count, tangential = acting[:, 0], len(self._gaps.pairs), self.rows.tangential[row]
+        count = len(self._gaps.pairs)
         pair = self._gaps.pair_of()[rows] if count > 1 else np.zeros(len(rows), dtype=np.int64)
-        for k in range(tangential.shape[1]):
-            tangential[:, k] = np.bincount(pair, acting[:, 1 + k], count)
-        whole, slid = np.bincount(pair, pressing, count), np.bincount(pair, pressing * way, count)
-        np.divide(slid, whole, out=self.rows.slip[row], where=whole > 0.0)
+        own = np.ascontiguousarray(acting), np.ascontiguousarray(way)
+        self.rows.tangential[row], self.rows.slip[row] = rubbing_sums(pair, *own, count)
 
     def _check_finite(self) -> None:
         """Stop all ranks if the numbers of one are not finite."""

@@ -107,11 +107,12 @@ class AxisWatch:
 
         Bodies that meet only each other may all fly along: that brings none nearer to another.
         """
-        fast = float(np.linalg.norm(velocities, axis=1).max())
+        squares = np.einsum("ij,ij->i", velocities, velocities)
+        fast = float(np.sqrt(squares.max()))
         if not self._among:
             return fast
-        amid = 0.5 * (velocities.min(axis=0) + velocities.max(axis=0))
-        return min(fast, 2.0 * float(np.linalg.norm(velocities - amid, axis=1).max()))
+        away = velocities - 0.5 * (velocities.min(axis=0) + velocities.max(axis=0))
+        return min(fast, 2.0 * float(np.sqrt(np.einsum("ij,ij->i", away, away).max())))
 
     def _look_between(self, level: Level) -> None:
         """Look for obstacles between nodes of solids, by more than chords of round ones."""

@@ -318,7 +318,10 @@ class _Making:
         held = _held([(tips.get(at) or few[at - len(solids)], own) for at, own in holds])
         amid = self.scheme.explicit and steppers  # bodies whose steps end amid layers
         inner, free = (steppers, []) if amid else ([*solids, *steppers], movable)
-        joined = Composite(inner, free) if joints is None else Jointed(inner, free, joints, held)
+        if joints is not None:
+            joined: Any = Jointed(inner, free, joints, held)
+        else:
+            joined = Composite(inner, free) if amid or len(inner) > 1 or free else inner[0]
         whole = joined
         if amid:
             whole = Composite([*solids, Staggered(joined).as_interior()], movable)
