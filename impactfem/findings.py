@@ -35,6 +35,7 @@ CODES: Mapping[str, str] = {
     "overlapping_parts": "parts of a rigid body share room, which counts twice in its mass",
     "setting": "a setting that changes the answer is missing or unusual",
     "impact_law": "no law is settled for this impact",
+    "controller": "what a controller does within its samples, and whether it settles",
     "control_method": "a method for comparison only",
     "locking": "elements are too stiff for this body",
     "ringing": "the contact force rings",

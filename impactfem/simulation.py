@@ -2,9 +2,9 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,37 +16,18 @@ from impactfem.findings import Finding
 from impactfem.log import Progress
 from impactfem.planning import plan
 from impactfem.provenance import run_record
+from impactfem.runs.feedback import controlled
 from impactfem.runs.run import Cost
 from impactfem.runs.summary import summarise
 from impactfem.scene import Scene
 from impactfem.scene.nearest import nearest
 from impactfem.scene.values import show
 
+if TYPE_CHECKING:
+    from impactfem.runs.rewinding import State
+
 type Force = ArrayLike | Mapping[str, ArrayLike]
 """A force on a body's centre [N], (dim,), or {"force": (dim,), "moment": number or (3,)} [N m]."""
-
-
-@dataclass(frozen=True)
-class State:
-    """All that the next step of a simulation needs, of this rank; made by `Simulation.state`.
-
-    Attributes:
-        layer: Number of steps done.
-        inside: Of the bodies.
-        memory: Of contact and of bodies without meshes.
-        asked: Contact nodes whose answers are known.
-        seen: What was looked at.
-        rows: What the steps have left, by name.
-        pushed: Whether forces from outside have acted.
-    """
-
-    layer: int
-    inside: Mapping[str, Any]
-    memory: Mapping[str, Any]
-    asked: Any
-    seen: Mapping[str, float | str]
-    rows: Mapping[str, Floats]
-    pushed: bool
 
 
 class Simulation:
@@ -181,23 +162,13 @@ class Simulation:
         return solids_motion(self._ready.seen)
 
     @property
-    def state(self) -> State:
+    def state(self) -> "State":
         """All that the next step needs, to be restored in this simulation, as often as wanted."""
-        march, seen = self._march, self._ready.seen
-        if seen.touching is not None:
-            seen.touching.sum_up()
-        rows = {e.name: getattr(march.rows, e.name)[: march.layer + 1] for e in fields(march.rows)}
-        return State(
-            march.layer,
-            _copied(march.interior.state()),
-            _copied(march.memory()),
-            np.array(march.asked),
-            seen.state(),
-            _copied(rows),
-            self._pushed,
-        )
+        from impactfem.runs.rewinding import State  # noqa: PLC0415  (loads DOLFINx)
 
-    def restore(self, state: State) -> Self:
+        return State.of(self._ready.seen, pushed=self._pushed)
+
+    def restore(self, state: "State") -> Self:
         """Go back, or on, to a state of this simulation; steps from there are the same bit by bit.
 
         Args:
@@ -209,24 +180,15 @@ class Simulation:
         Raises:
             SceneError: It is no state of this simulation.
         """
+        from impactfem.runs.rewinding import State  # noqa: PLC0415  (loads DOLFINx)
+
         if not isinstance(state, State):
             raise SceneError(
                 f"Simulation.restore: it was given {type(state).__name__}; give what sim.state was"
             )
-        march, seen = self._march, self._ready.seen
-        rows = {e.name: getattr(march.rows, e.name)[:1] for e in fields(march.rows)}
-        own = [rows, march.memory(), march.interior.state()]
-        given = [{n: v[:1] for n, v in state.rows.items()}, state.memory, state.inside]
-        if state.layer > march.layers or [*map(_shapes, own)] != [*map(_shapes, given)]:
+        if not state.fits(self._ready.seen):
             raise SceneError("Simulation.restore: the state belongs to another scene")
-        if seen.touching is not None:
-            seen.touching.seen.clear()
-        for entry in fields(march.rows):
-            values = getattr(march.rows, entry.name)
-            values[: state.layer + 1] = state.rows[entry.name]
-            values[state.layer + 1 :] = 0
-        march.restore(_copied(state.inside), _copied(state.memory), state.asked, state.layer)
-        seen.restore(dict(state.seen))
+        state.restore(self._ready.seen)
         self._pushed, self._known = state.pushed, -1
         return self
 
@@ -250,7 +212,7 @@ class Simulation:
             text = "forces from outside have acted: the scene alone does not repeat the run"
             notes.append(Finding("setting", "note", text))
         findings = (*run.effort.findings, *notes)
-        run = replace(run, effort=replace(run.effort, findings=findings))
+        run = controlled(self._said, replace(run, effort=replace(run.effort, findings=findings)))
         summary: dict[str, Any] = summarise(self._said, self._plan, run)
         if not self.done and summary["status"] == "completed":
             summary["status"] = "interrupted"
@@ -282,14 +244,6 @@ def _parted(name: str, given: Force, dim: int) -> tuple[Floats, Floats]:
                 f"Simulation.step: the {what} on {show(name)} is no list of {sizes[what]} numbers"
             )
     return found["force"], found["moment"]
-
-
-def _copied(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: np.array(value) for name, value in values.items()}
-
-
-def _shapes(values: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
-    return {name: np.shape(value) for name, value in values.items()}
 
 
 def _refusal(scene: Scene) -> str:

@@ -9,6 +9,7 @@ from impactfem.log import Progress
 from impactfem.planning import Plan, plan
 from impactfem.provenance import run_record
 from impactfem.runs import runner
+from impactfem.runs.feedback import controlled
 from impactfem.runs.run import Checkpointing
 from impactfem.runs.summary import summarise
 from impactfem.scene import Scene
@@ -60,6 +61,6 @@ def solve(
         planned = None
     chosen = planned or plan(scene)
     saved = Checkpointing(checkpoints, restart)
-    run = runner(scene.solver)(scene, chosen, progress or Progress(), saved)
+    run = controlled(scene, runner(scene.solver)(scene, chosen, progress or Progress(), saved))
     summary = {**summarise(scene, chosen, run), "run": run_record(said=scene.said)}
     return Result(run.used, run.history, summary, run.fields, run.exact, run.impacts)

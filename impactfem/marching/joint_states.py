@@ -16,6 +16,7 @@ from impactfem.scene.means import StepMean
 from impactfem.system.joints import Joints
 
 _SETTLED = 1e-12  # change of a motor's force, as a share of it
+_ROUNDING = 1e-14  # of its parts, which cancel where it is at its target
 _ALL_AT_ONCE = 10  # looks in a layer
 _STEP = 1e-6  # of coordinates and rates where motors are differentiated
 
@@ -39,8 +40,9 @@ class Motor:
         """Follow it between times, at a coordinate and rate; whether it is as it was thought."""
         mean = self.mean
         self.force = mean(start, end, q=q, v=v)
-        thought = self.constant - self.stiffness * q - self.damping * v
-        if abs(self.force - thought) <= _SETTLED * abs(self.force):
+        parts = self.constant, -self.stiffness * q, -self.damping * v
+        settled = _SETTLED * abs(self.force) + _ROUNDING * sum(map(abs, parts))
+        if abs(self.force - sum(parts)) <= settled:
             return True
         slopes = []
         for at, name in ((q, "q"), (v, "v")):

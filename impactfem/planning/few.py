@@ -13,7 +13,7 @@ from impactfem.methods import METHODS
 from impactfem.planning.doubts import may_reach
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.plans import Plan
-from impactfem.planning.solid_costs import count_layers
+from impactfem.planning.solid_costs import count_layers, on_samples
 from impactfem.planning.solid_plan import (
     STARTS,
     MarchNumbers,
@@ -357,7 +357,8 @@ def _steps(
     if solve.dt is not None or shortest == float("inf"):
         layers = max(1, round(duration / (solve.dt or _step(scene, few, reasons))))
         parts = 1 if solve.dt is not None else parts_following(data, duration, layers, reasons)
-        return duration / (parts * layers), parts * layers
+        layers = on_samples(scene, parts * layers, reasons)
+        return duration / layers, layers
     # Whole layers in a transit keep the shape of waves; the last one may end past the duration.
     wanted = min([few_step(few), *(_BRAKED * time for time in _braked(few))])
     count = min(max(_OF_TRANSIT, math.ceil(shortest / wanted)), _MOST_OF_TRANSIT)

@@ -14,6 +14,7 @@ from impactfem.planning.solid_costs import (
     explicit_work,
     implicit_work,
     leading_speed,
+    on_samples,
 )
 from impactfem.planning.solid_elements import SLENDER, slenderness
 from impactfem.planning.time_data import Datum, parts_following
@@ -237,14 +238,21 @@ def following(
         reasons: Gets the reason.
     """
     if scene.solve.dt is not None or scene.solve.courant is not None:
-        return steps
+        return _sampled(steps, scene, reasons)
     step = steps.dt or (steps.courant or 1.0) * stable
     layers = steps.layers or count_layers(scene.duration, step)
     parts = parts_following(data, scene.duration, layers, reasons)
     courant = None if steps.courant is None else steps.courant / parts
     if steps.dt is None or steps.layers is None:
         return replace(steps, courant=courant)
-    return Steps(steps.dt / parts, courant, steps.layers * parts)
+    return _sampled(Steps(steps.dt / parts, courant, steps.layers * parts), scene, reasons)
+
+
+def _sampled(steps: Steps, scene: Scene, reasons: dict[str, str]) -> Steps:
+    """Steps that end with the samples of controllers; explicit ones are, once they are known."""
+    if steps.layers is None or not scene.sampled:
+        return steps
+    return steps.of_layers(scene.duration, on_samples(scene, steps.layers, reasons))
 
 
 def refuse_unstable(dt: float, method: str, solid: Solid, size: Size) -> None:

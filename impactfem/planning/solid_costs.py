@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
 from impactfem.sizing import check_memory
 
@@ -223,3 +224,22 @@ def _check(needed: float, unknowns: float) -> None:
         'larger elements, a symmetry of the shape, degree = 1, or solve.method = "explicit", which '
         "factorises nothing",
     )
+
+
+def on_samples(scene: Scene, layers: int, reasons: dict[str, str] | None = None) -> int:
+    """Number of time steps that end with the samples of controllers, if the duration does.
+
+    Args:
+        scene: The scene; a step that it gives stays.
+        layers: As many steps as are needed, that fill the duration.
+        reasons: Gets the reason.
+    """
+    spans = [each.sample for each in scene.sampled if each.sample]
+    if not spans or scene.solve.dt is not None:
+        return layers
+    count = round(scene.duration / min(spans))
+    if count < 1 or abs(count * min(spans) - scene.duration) > 1e-9 * scene.duration:
+        return layers
+    if reasons is not None:
+        reasons["samples"] = "time steps end with the samples of controllers"
+    return count * math.ceil(layers / count)

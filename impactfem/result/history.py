@@ -147,6 +147,15 @@ TIE_COLUMN = (
 )  # fmt: skip
 """Columns ``force.TIE`` of ties: unit and meaning."""
 
+CONTROLLER_COLUMN = "u"
+"""Last part of the columns of what controllers give."""
+
+CONTROLLER: tuple[str, str] = (
+    "N or N m",
+    "force or moment by the controller, held during (t_{m-1}, t_m] where it is sampled",
+)
+"""Unit and meaning of ``CONTROLLER.u``."""
+
 MOST_PAIRS = 100
 """Number of pairs up to which each has columns of its own."""
 
@@ -266,12 +275,17 @@ def make_history(columns: Columns) -> Table:
             kind = f"{part[0]}{'xx' if part[0] == 's' else 'x'}"
             unit, text = (
                 (TIE_COLUMN if probe == "force" else None)
-                or JOINT_COLUMNS.get(part)
+                or (CONTROLLER if part == CONTROLLER_COLUMN else JOINT_COLUMNS.get(part))
                 or PROBE_COLUMNS.get(kind)
                 or BODY_COLUMNS["qw" if part[0] == "q" else "wx"]  # of a base that turns freely
             )
             series[name] = _series(name, told, unit, text, f"{part} at {probe}")
     return Table.over_time(columns.time, series)
+
+
+def column_of(controller: str, values: Floats) -> Series:
+    """The column of a controller's output [N or N m], (rows,)."""
+    return _series(f"{controller}.{CONTROLLER_COLUMN}", values, *CONTROLLER, f"u of {controller}")
 
 
 def _series(

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,13 @@ from impactfem.planning import MarchNumbers
 from impactfem.result.whole import Whole
 from impactfem.runs.axis_watch import AxisWatch
 from impactfem.runs.contact_places import ContactPlaces
+from impactfem.runs.feedback import Feedback, Read, Tried
 from impactfem.runs.line_bodies import bar_figures, strains
 from impactfem.runs.loops import Loop
 from impactfem.runs.samples import Kept, Places, chosen_places
 from impactfem.runs.solid_output import Watch
 from impactfem.runs.solid_probes import SolidProbes
+from impactfem.scene.grammar import Held
 from impactfem.system.beam_parts import BeamParts
 from impactfem.system.stretches import Look, Stretches
 
@@ -44,6 +47,7 @@ class Observed:
         limits: Sees rotations and strains.
         probes: Look at places.
         touching: Looks at contact forces; None where pairs have no columns.
+        feedback: Samples controllers; None without any.
     """
 
     model: SolidsModel
@@ -55,6 +59,7 @@ class Observed:
     limits: ModelWatch
     probes: SolidProbes
     touching: ContactPlaces | None
+    feedback: Feedback | None
 
     @classmethod
     def of(
@@ -88,11 +93,16 @@ class Observed:
             places = chosen_places(model, few, march.layers)
         kept = Kept.of(places, model, few) if places else None
         joined = [loop.joined.told] if model.joints else []
+        feedback = None
+        if model.scene.sampled:
+            feedback = Feedback(model.scene, march.interior.dt, march.layers)
+        joined += [feedback.told] if feedback else []
         probes = SolidProbes.of(march, model, few, joined, kept)
         touching = ContactPlaces.of(march, loop.gaps, loop.contacts, model)
         axes = AxisWatch(model, few, loop.contacts.places, march.layers)
         watch = Watch(model, max(1, march.layers // 50), axes, all_held=loop.gaps.shares_nodes)
-        return cls(model, scheme, numbers, loop, limit, watch, limits, probes, touching)
+        looks = watch, limits, probes, touching, feedback
+        return cls(model, scheme, numbers, loop, limit, *looks)
 
     @property
     def march(self) -> TimeLoop[Any]:
@@ -108,16 +118,43 @@ class Observed:
         """What looks at levels, in this order."""
         found: list[Observer] = [self.watch, self.limits]
         found += [self.probes] if self.probes.names else []
-        return found + ([self.touching] if self.touching else [])
+        found += [self.touching] if self.touching else []
+        return found + ([self._feed] if self.feedback else [])
+
+    def _feed(self, level: Level) -> None:
+        """Have controllers sampled."""
+        from impactfem.runs.latest import latest  # noqa: PLC0415  (it looks at this)
+
+        if self.feedback is None:
+            return
+        read = partial(latest, self, self.feedback)
+        self.feedback(level, read, partial(self._tried, read))
+
+    def _tried(self, read: Read, held: Held, output: float, steps: int) -> Tried:
+        """What an output of a controller does from t = 0 on; see `impactfem.runs.feedback.Try`."""
+        from impactfem.runs.rewinding import State  # noqa: PLC0415  (it looks at this)
+
+        march, start, found = self.march, State.of(self), []
+        looks = (self.probes,) if self.probes.names else ()
+        for sample in range(4):
+            held.value = 0.0 if sample else output
+            for _ in range(min(steps, march.layers - march.layer)):
+                march.step(looks)
+            found.append(read())
+        start.restore(self)
+        return found
 
     def state(self) -> dict[str, float | str]:
         """What was seen, for a checkpoint."""
-        return self.watch.state() | {"limits": self.limits.state()}
+        own = {} if self.feedback is None else {"feedback": self.feedback.state()}
+        return self.watch.state() | {"limits": self.limits.state()} | own
 
     def restore(self, state: dict[str, float | str]) -> None:
         """Go on from what was seen."""
         self.watch.restore(state)
         self.limits.restore(str(state["limits"]))
+        if self.feedback is not None:
+            self.feedback.restore(str(state["feedback"]))
 
 
 @dataclass(frozen=True)

@@ -255,6 +255,7 @@ def _effort(
             "cells": sum(part.mesh.num_cells for part in parts),
             "nodes": sum(part.mesh.num_nodes for part in parts),
             **seen.whole.details(),
+            **({} if seen.feedback is None else {"controllers": seen.feedback.figures()}),
             **march.figures(),
         },
         findings=(
@@ -271,6 +272,7 @@ def _effort(
             *_overlap_findings(model, watch),
             *march.findings(),
             *watch.axes.findings(),
+            *([] if seen.feedback is None else seen.feedback.findings()),
         ),
         measured=(*(contact_codes(rows.force) if parts else ()), *MODEL_CODES, *DATA_CODES),
         force_window=mesh_window(

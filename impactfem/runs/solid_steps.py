@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 from impactfem.errors import SceneError
 from impactfem.marching.schemes import SolidScheme
 from impactfem.models.solids import SolidPart
-from impactfem.planning.solid_costs import SHARE_OF_STABLE, count_layers, damped
+from impactfem.planning.solid_costs import SHARE_OF_STABLE, count_layers, damped, on_samples
+from impactfem.scene import Scene
 from impactfem.system.massless import lumped_mass
 from impactfem.system.moments import lumped_moments
 from impactfem.system.spectrum import largest_eigenvalue
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def planned_steps(
-    duration: float,
+    scene: Scene,
     plan: "Plan[MarchNumbers]",
     scheme: SolidScheme,
     discretised: Mapping[str, tuple[SolidPart, SurfaceNodes, Any]],
@@ -30,7 +31,7 @@ def planned_steps(
     number of ranks.
 
     Args:
-        duration: Of the scene [s].
+        scene: The scene.
         plan: What to do.
         scheme: The method as data.
         discretised: Solid, contact nodes and transfer of mass (None without) by name of the body.
@@ -38,7 +39,7 @@ def planned_steps(
     Raises:
         SceneError: The step asked for is beyond the stable one.
     """
-    numbers = plan.numbers
+    numbers, duration = plan.numbers, scene.duration
     if not scheme.explicit:
         if numbers.dt is None:
             raise SceneError("solve.dt: the plan has no time step; give solve.dt")
@@ -54,7 +55,7 @@ def planned_steps(
             f"method {plan.method} on the mesh of body {slowest}; use solve.dt <= "
             f'{_down(limit):g}, solve.courant <= 1, or method = "massless"'
         )
-    layers = count_layers(duration, dt)
+    layers = on_samples(scene, count_layers(duration, dt))
     return (dt if numbers.dt is not None else duration / layers), layers, limit
 
 

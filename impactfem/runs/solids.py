@@ -166,7 +166,7 @@ def prepare(
         if transfer is not None:
             check_inside(part.solid.name, part.system, surface)
     discretised = {parts[0].solid.name: parts for parts in each}
-    steps = planned_steps(scene.duration, plan, scheme, discretised)
+    steps = planned_steps(scene, plan, scheme, discretised)
     dt, layers, limit = steps
     progress.step("preparing the time steps")
     marches = _STEPPERS if scene.iterated else _INTERIORS

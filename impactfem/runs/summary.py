@@ -110,9 +110,10 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
                 np.abs(gap).max(),
             ),
         },
+        "controllers": dict(effort.details.get("controllers", {})),
         "error": asdict(run.errors) if run.errors else None,
         "bodies": effort.bodies,
-        "details": effort.details,
+        "details": {n: v for n, v in effort.details.items() if n != "controllers"},
         "plan": chosen.as_dict(),
     }
     plain: dict[str, Any] = _plain(summary)

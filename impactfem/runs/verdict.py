@@ -31,6 +31,7 @@ What the schemes lose at an impact falls with the step; it is not wrong as a gai
 """
 
 # Codes that every run looks for itself, so that what its plan foresaw of them is settled.
+_RATES = {"vx", "vy", "vz", "w", "wx", "wy", "wz"}  # in formulas of forces, which brake by them
 _JUDGED = ("energy_growth", "energy_loss", "penetration", "not_finite", "not_converged")
 
 _STATUS = {
@@ -154,7 +155,9 @@ def _takes_energy(body: Any) -> bool:
     names = "rayleigh_mass", "rayleigh_stiffness", "retardation"
     rates = (getattr(body, name, 0.0) for name in names)
     springs = (spring.damping for spring in getattr(body, "springs", ()))
-    return any(
+    loads = (*(getattr(body, "force", None) or ()), *(getattr(body, "moment", None) or ()))
+    braked = any(formula.used & _RATES for formula in loads)
+    return braked or any(
         (*rates, *getattr(body, "relaxing", ()), *getattr(body, "rayleigh_damping", ()), *springs)
     )
 

@@ -117,7 +117,10 @@ def _functions() -> Mapping[str, Callable[..., Any]]:
 
         return walk
 
-    names = {name: make(function) for name, function in NUMPY_FUNCTIONS.items()}
+    def held(_: Any) -> Any:  # what others set has no signal of time
+        raise _NotAffineError
+
+    names = {name: make(function) for name, function in NUMPY_FUNCTIONS.items()} | {"held": held}
     return names | {"sin": wave(0.0, np.sin), "cos": wave(_HALF_TURN, np.cos)}
 
 

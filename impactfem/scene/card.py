@@ -13,7 +13,7 @@ _MOST_OBJECTS = 8
 _LISTS = {
     "body": "bodies", "obstacle": "obstacles", "contact": "contacts", "joint": "joints",
     "spring": "springs", "tie": "ties", "probe": "probes", "parameter": "parameters",
-    "control": "controls", "measure": "measures",
+    "control": "controls", "controller": "controllers", "measure": "measures",
 }  # fmt: skip
 _TABLES = ("objective", "solve", "output")
 _TOLD = {"name", "title", *_LISTS, *_TABLES}

@@ -14,6 +14,7 @@ from impactfem.scene.bodies import Bar
 from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
 from impactfem.scene.control import MAX_CONTROLS, Control
+from impactfem.scene.controllers import MAX_CONTROLLERS, Controller
 from impactfem.scene.couplings import SpringElement
 from impactfem.scene.drop import Drop
 from impactfem.scene.given import Given
@@ -119,6 +120,12 @@ class Content:
         name="control",
         default=(),
     )
+    controllers: Given[tuple[Controller, ...], Sequence[Controller]] = key(
+        ObjectsKind((Controller,), "[[controller]]", MAX_CONTROLLERS, 0),
+        "feedback of columns to forces and motors",
+        name="controller",
+        default=(),
+    )
     measures: Given[tuple[Measure, ...], Sequence[Measure]] = key(
         ObjectsKind((Measure,), "[[measure]]", MAX_MEASURES, 0),
         "what is looked at, or was measured",
@@ -163,6 +170,11 @@ class Content:
         return f"{joint.heading}[{coupling if coupling < first else coupling - first}]"
 
     @property
+    def sampled(self) -> tuple[Controller, ...]:
+        """Its controllers that are sampled, whose outputs are held between samples."""
+        return tuple(each for each in self.controllers if not each.in_steps)
+
+    @property
     def kinds(self) -> frozenset[str]:
         """Kinds of its bodies."""
         return frozenset(body.kind for body in self.bodies)
@@ -195,7 +207,7 @@ class Content:
         asked for that knows the spring of a wall: the bar then has its stiffness.
         """
         bars = self._all(Bar)
-        if len(bars) != len(self.bodies) or self.couplings:
+        if len(bars) != len(self.bodies) or self.couplings or self.sampled:
             return ()
         if not self.gives_way:
             return bars
@@ -345,10 +357,8 @@ def why_marched(scene: Content) -> str | None:
     kinds = sorted(scene.kinds)
     if len(kinds) > 1:
         return f"bodies of different kinds ({', '.join(kinds)})"
-    if scene.couplings or scene.starts_at_rest:
-        held = ("joints", scene.joints), ("ties", scene.ties), ("springs between bodies", True)
-        what = next(name for name, has in held if has)
-        return what if scene.couplings else "a start at rest"
+    if scene.sampled or scene.couplings or scene.starts_at_rest:
+        return _of_scene(scene)
     given_way = scene.gives_way and not scene.bars
     if not all(body.marches_alone for body in scene.bodies) and not given_way:
         return None
@@ -357,6 +367,15 @@ def why_marched(scene: Content) -> str | None:
     if not any(scene.kinds <= method.bodies for method in METHODS.values()):
         return f"a {kinds[0]}"
     return _of_laws(scene)
+
+
+def _of_scene(scene: Content) -> str:
+    """What of a scene besides its bodies other methods do not know, in words."""
+    if scene.sampled:
+        return f"the controller {scene.sampled[0].name}, which is sampled"
+    held = ("joints", scene.joints), ("ties", scene.ties), ("springs between bodies", True)
+    what = next(name for name, has in held if has)
+    return what if scene.couplings else "a start at rest"
 
 
 def _of_laws(scene: Content) -> str | None:

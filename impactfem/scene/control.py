@@ -1,6 +1,7 @@
 """Controls: histories in pieces that formulas use by name, and that an optimisation finds."""
 
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -20,7 +21,7 @@ from impactfem.scene.values import NotAllowedError, is_number, number, show
 MAX_CONTROLS = 100
 MAX_PIECES = 10_000
 COURSES = ("constant", "linear")
-_AXES = "xyz"
+AXES = "xyz"
 
 
 @table("[[control]]")
@@ -185,17 +186,34 @@ def acted(
         if control.acts is None:
             found.append(control)
             continue
-        head, _, last = control.acts.rpartition(".")
-        path = f"{head}.{_AXES.index(last)}" if last in _AXES and last else control.acts
         try:
-            present = _present(data, path, keys)
-            text = control.name if present in (0, "0") else f"({present}) + {control.name}"
-            assign(data, path, text)
+            put_into(data, control.acts, control.name, keys)
         except NotAllowedError as error:
             text = f" = {show(control.acts)}: {error}. What it acts on has to stand there, as 0."
             raise KeyedError(f"control[{index}]", "acts", text) from None
         found.append(replace(control, acts=None))
     return tuple(found)
+
+
+def put_into(
+    data: dict[str, Any], path: str, name: str, keys: Mapping[str, Collection[str]]
+) -> None:
+    """Add a name to the formula at a path, unless it stands there already.
+
+    Args:
+        data: Plain tables of the scene; changed.
+        path: Of the formula; x, y and z are entries of a list.
+        name: That formulas know.
+        keys: See `acted`.
+
+    Raises:
+        NotAllowedError: There is no formula.
+    """
+    head, _, last = path.rpartition(".")
+    path = f"{head}.{AXES.index(last)}" if last in AXES and last else path
+    present = _present(data, path, keys)
+    if not re.search(rf"\b{name}\b", str(present)):
+        assign(data, path, name if present in (0, "0") else f"({present}) + {name}")
 
 
 def _present(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]]) -> object:
@@ -205,8 +223,8 @@ def _present(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]
         NotAllowedError: There is none.
     """
     head, _, last = path.rpartition(".")
-    if head.startswith("body.") and head.count(".") == 1 and is_missing(data, path):
-        kind = looked_up(data, f"{head}.kind")
+    if head.count(".") == 1 and is_missing(data, path):
+        kind = looked_up(data, f"{head}.kind") if head.startswith("body.") else head.split(".")[0]
         if last in keys.get(str(kind), ()):
             return 0
     found = looked_up(data, path)

@@ -12,6 +12,7 @@ from impactfem.scene.grammar import (
     COMPARISONS,
     OPERATORS,
     FormulaError,
+    Held,
     Node,
     Parser,
     variables_of,
@@ -71,6 +72,11 @@ class Formula:
         object.__setattr__(self, "named", named)
         object.__setattr__(self, "variables", variables)
         object.__setattr__(self, "_tree", tree)
+
+    @property
+    def tree(self) -> Node:
+        """Its tree, for formulas that contain it."""
+        return self._tree
 
     @property
     def is_constant(self) -> bool:
@@ -182,7 +188,7 @@ class Formula:
         functions = ("number", "of_arrays")
         return {name: value for name, value in self.__dict__.items() if name not in functions}
 
-    def apply(
+    def apply(  # noqa: C901  (a case for each form of a node)
         self, functions: Mapping[str, Callable[..., Any]], /, **values: Any
     ) -> Any:  # whatever the functions return
         """Evaluate with the functions of another library, e.g. UFL.
@@ -190,7 +196,8 @@ class Formula:
         Args:
             functions: by name, the functions that the formula uses: those listed for the class,
                 and ``lt, le, gt, ge`` for comparisons. ``min`` and ``max`` get two arguments.
-                Arithmetic uses Python's operators. Constant parts come as floats.
+                Arithmetic uses Python's operators. Constant parts come as floats, and so does what
+                is held, unless there is a function ``held`` for it.
             values: the value of each variable.
 
         Raises:
@@ -205,6 +212,8 @@ class Formula:
                     if name not in values:
                         raise FormulaError(self.text, f"the variable {name!r} is missing; give it")
                     return values[name]
+                case ("held", held):
+                    return functions.get("held", Held.now)(held)
                 case ("negative", operand):
                     return -walk(operand)
                 case ("chain", first, steps):

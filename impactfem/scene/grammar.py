@@ -75,9 +75,20 @@ _REFUSALS: Mapping[type, str] = {
 }
 
 # A node is a number or a tuple whose first entry tells its form:
-# "variable" and its name; "call", the name of a function and its arguments; "negative" and an
-# operand; "chain", the first operand and pairs of operator and operand, taken from left to right.
+# "variable" and its name; "held" and a number that others set; "call", the name of a function and
+# its arguments; "negative" and an operand; "chain", the first operand and pairs of operator and
+# operand, taken from left to right.
 type Node = float | tuple[Any, ...]
+
+
+class Held:
+    """A number in formulas that others set as time goes on, and that stays between."""
+
+    value = 0.0
+
+    def now(self) -> float:
+        """The number as it is."""
+        return self.value
 
 
 _NAMED: ContextVar[Mapping[str, Node]] = ContextVar("what formulas know by name")
@@ -98,6 +109,8 @@ def variables_of(node: Node) -> frozenset[str]:
     match node:
         case ("variable", name):
             return frozenset((name,))
+        case ("held", _):
+            return frozenset("t")
         case ("negative", operand):
             return variables_of(operand)
         case ("chain", first, steps):

@@ -270,7 +270,8 @@ def check_asked(scene: Any) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    _check_names({"parameter": scene.parameters, "control": scene.controls})
+    named = {"parameter": scene.parameters, "control": scene.controls}
+    _check_names(named | {"controller": scene.controllers})
     _check_names({"measure": scene.measures})
     for index, measure in enumerate(scene.measures):
         _check_time(f"measure[{index}]", measure.at, scene.duration)

@@ -14,7 +14,7 @@ import numpy as np
 from impactfem.errors import MeshError, plain
 from impactfem.reading.live import LiveMesh, is_live
 from impactfem.scene.formula import Formula
-from impactfem.scene.grammar import FormulaError
+from impactfem.scene.grammar import FormulaError, naming
 from impactfem.scene.nearest import nearest
 from impactfem.scene.values import LEAST, NotAllowedError, number, show, type_in_words
 
@@ -307,7 +307,11 @@ class FormulaOf(Kind):
         if isinstance(value, Formula):
             if value.variables == self.variables:
                 return value
-            value = value.text
+            with naming(dict(value.named)):  # it keeps what it uses by name
+                return self._read(value.text)
+        return self._read(value)
+
+    def _read(self, value: object) -> Formula:
         text = value if isinstance(value, str) else repr(number(value))
         try:
             return Formula(text, self.variables)

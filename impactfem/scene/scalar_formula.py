@@ -74,6 +74,8 @@ def _made(
             return lambda _: node
         case ("variable", name):
             return operator.itemgetter(name)
+        case ("held", held):
+            return lambda _: held.value
         case ("negative", operand):
             inner = _made(operand, operators, called)
             return lambda values: -inner(values)

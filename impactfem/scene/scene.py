@@ -14,6 +14,7 @@ from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, MAX_SPRINGS, MAX_TIES, Content
 from impactfem.scene.control import MAX_CONTROLS, Control, acted, named_histories
+from impactfem.scene.controllers import MAX_CONTROLLERS, Controller, fed_back
 from impactfem.scene.couplings import SpringElement
 from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.drop import Drop, dropped
@@ -53,8 +54,9 @@ from impactfem.scene.ties import Tie
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
-_RARE = ("spring", "tie", "parameter", "control", "measure", "objective")
+_RARE = ("spring", "tie", "parameter", "control", "controller", "measure", "objective")
 """Tables that a scene file has only where they say something."""
+_LISTS = ("spring", "tie", "probe", "parameter", "control", "controller", "measure")
 
 
 class Scene(Content):
@@ -204,7 +206,8 @@ class Scene(Content):
 
         Args:
             data: keys ``title, duration, gravity, start, body, obstacle, contact, joint, spring,
-                tie, probe, parameter, control, measure, objective, drop, solve, output``.
+                tie, probe, parameter, control, controller, measure, objective, drop, solve,
+                output``.
             base: folder where relative mesh paths start.
 
         Raises:
@@ -225,10 +228,19 @@ class Scene(Content):
         if "control" in values:
             controls = read_objects(values["control"], "control", Control, MAX_CONTROLS, 0)
             values = {name: own(value) for name, value in values.items()}  # the caller keeps his
-            values["control"] = list(controls := acted(values, controls, _keys_of_bodies()))
+            values["control"] = list(controls := acted(values, controls, _keys_of_tables()))
         known = {
             **named_numbers(parameters), **named_histories(controls, values.get("duration"))
         }  # fmt: skip
+        if "controller" in values:
+            with naming(known):
+                controllers = read_objects(
+                    values["controller"], "controller", Controller, MAX_CONTROLLERS, 0
+                )
+            values = {name: own(value) for name, value in values.items()}
+            values["controller"] = controllers
+            fed_back(values, controllers, _keys_of_tables())
+            known |= {each.name: each.node for each in controllers}
         with naming(known):
             return cls(**{fields[k]: v for k, v in cls._read(values).items()}, folder=folder)
 
@@ -261,9 +273,7 @@ class Scene(Content):
         data = plain(self)
         for name in ("body", "obstacle"):
             data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
-        for name in (
-            "contact", "joint", "spring", "tie", "probe", "parameter", "control", "measure",
-        ):  # fmt: skip
+        for name in ("contact", "joint", *_LISTS):
             data[name] = [plain(entry) for entry in data[name]]
             if name == "joint":
                 own = self._own_joints
@@ -303,7 +313,7 @@ class Scene(Content):
         springs, ties = data.pop("spring", []), data.pop("tie", [])
         probes, objective = data.pop("probe"), data.pop("objective", None)
         parameters, measures = data.pop("parameter", []), data.pop("measure", [])
-        controls = data.pop("control", [])
+        controls, controllers = data.pop("control", []), data.pop("controller", [])
         solve, output = data.pop("solve"), data.pop("output")
         parts: list[tuple[str, type[DataclassLike], dict[str, Any]]] = [
             ("", type(self), data),
@@ -316,6 +326,7 @@ class Scene(Content):
             *(("[[probe]]", Probe, entry) for entry in probes),
             *(("[[parameter]]", Parameter, entry) for entry in parameters),
             *(("[[control]]", Control, entry) for entry in controls),
+            *(("[[controller]]", Controller, entry) for entry in controllers),
             *(("[[measure]]", Measure, entry) for entry in measures),
             *([] if objective is None else [("[objective]", Objective, objective)]),
             ("[solve]", Solve, solve),
@@ -388,9 +399,10 @@ def _started(values: dict[str, Any], parameters: Sequence[Parameter]) -> dict[st
     return found
 
 
-def _keys_of_bodies() -> dict[str, set[str]]:
-    """Keys that bodies of each kind have."""
-    return {kind: {each.name for each in keys_of(cls).values()} for kind, cls in BODIES.items()}
+def _keys_of_tables() -> dict[str, set[str]]:
+    """Keys that bodies of each kind, and joints, have."""
+    tables = {**BODIES, "joint": Joint}
+    return {kind: {each.name for each in keys_of(cls).values()} for kind, cls in tables.items()}
 
 
 def _number_at(data: dict[str, Any], path: str, where: str) -> float:

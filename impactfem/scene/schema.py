@@ -327,11 +327,12 @@ def _rank(heading: str) -> int:
     inline = (
         "supports", "tractions", "pressures", "outline", "shape", "refine", "springs",
         "orientation", "rotation", "joints", "place", "soft", "materials", "orthotropic", "layers",
-        "minimise", "constraints",
+        "model", "noise", "minimise", "constraints",
     )  # fmt: skip
     others = (
         "[[obstacle]]", "[[contact]]", "[[joint]]", "[[spring]]", "[[tie]]", "[[probe]]",
-        "[[parameter]]", "[[control]]", "[[measure]]", "[objective]", "[drop]", "[solve]",
+        "[[parameter]]", "[[control]]", "[[controller]]", "[[measure]]", "[objective]", "[drop]",
+        "[solve]",
         "[output]",
     )  # fmt: skip
     order = (TOP, *bodies, *others, *inline)

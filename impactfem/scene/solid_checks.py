@@ -154,7 +154,7 @@ def _check_plane(solid: "Solid") -> None:
     for name, formulas, more in found:
         for formula in formulas:
             try:
-                FormulaOf((*SPACE[:2], *more)).read(formula.text)
+                FormulaOf((*SPACE[:2], *more)).read(formula)
             except NotAllowedError as error:
                 text = f' = {show(formula.text)} does not fit model = "{solid.model}": {error}.'
                 raise _fail(solid, name, text) from None
