@@ -30,6 +30,18 @@ class EnergyFigures(TypedDict):
     unexplained: float
 
 
+class ControllerFigures(TypedDict):
+    """What a controller has done; see `docs/feedback.md`. None where it is not known."""
+
+    kind: str
+    sample: float
+    inertia: float | None
+    spectral_radius: float | None
+    saturated: float
+    largest: float
+    work: float | None
+
+
 class ContactFigures(TypedDict, total=False):
     """Contact: intervals [s], forces [N], impulses [N s], penetration [m].
 
@@ -94,6 +106,7 @@ class Summary(TypedDict, total=False):
     contact: ContactFigures
     error: ErrorFigures | None
     bodies: dict[str, dict[str, Any]]
+    controllers: dict[str, ControllerFigures]
     details: dict[str, Any]
     plan: dict[str, Any]
     verdict: VerdictFigures

@@ -305,7 +305,7 @@ class Feedback:
         """Inertia, and A and B of what a controller feeds back; NaN and None if not known."""
         own = loop.controller
         if own.model is not None:
-            return math.nan, held_flow(own.model.a, own.model.b, loop.span)
+            return math.nan, held_flow(own.model.state_matrix, own.model.input_matrix, loop.span)
         if len(own.measured) != 2 or own.columns is not None:
             return own.inertia or math.nan, None
         size = _SHARE * max(map(abs, own.limits or (abs(own.kp) or 1.0,)))

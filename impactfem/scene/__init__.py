@@ -6,6 +6,7 @@ from impactfem.scene.bodies import Bar
 from impactfem.scene.boundary import Pressure, Support, Traction
 from impactfem.scene.contacts import Contact
 from impactfem.scene.control import Control
+from impactfem.scene.controllers import Controller
 from impactfem.scene.couplings import SpringElement
 from impactfem.scene.formula import Formula
 from impactfem.scene.inverse import Limit, Measure, Objective, Parameter, Term
@@ -56,6 +57,7 @@ __all__ = [
     "Capsule",
     "Contact",
     "Control",
+    "Controller",
     "Cylinder",
     "Disc",
     "DiscOutline",

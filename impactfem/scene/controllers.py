@@ -56,7 +56,7 @@ _ACTED = re.compile(
 )
 
 
-@table("noise")
+@table("noise = { ... }")
 class Noise:
     """Noise of what a controller measures, the same in every run.
 
@@ -70,7 +70,7 @@ class Noise:
     seed: int = key(Integer(0, 2**31 - 1), "of its random numbers", default=0)
 
 
-@table("model")
+@table("model = { ... }")
 class LinearModel:
     """A linear model x' = A x + B u of what a controller drives.
 
@@ -80,8 +80,10 @@ class LinearModel:
 
     heading: ClassVar[str] = "model"
 
-    a: Sequence[Sequence[float]] = key(ListOf(ListOf(Real()), at_least=1), "A, row by row")
-    b: Sequence[float] = key(ListOf(Real(), at_least=1), "B, of one input")
+    state_matrix: Sequence[Sequence[float]] = key(
+        ListOf(ListOf(Real()), at_least=1), "A, row by row"
+    )
+    input_matrix: Sequence[float] = key(ListOf(Real(), at_least=1), "B, of one input")
 
 
 @table("[[controller]]")
@@ -224,11 +226,11 @@ class Controller:
             return
         count = len(self.columns)
         if self.model is None:
-            raise self._fail("model", " is missing: give { a = [[...]], b = [...] }.")
-        rows = [len(row) for row in self.model.a]
-        if rows != [count] * count or len(self.model.b) != count:
-            text = f" has matrices of other sizes than the {count} columns: give a ({count} rows "
-            raise self._fail("model", f"{text}of {count}) and b ({count}).")
+            raise self._fail("model", " is missing: give state_matrix and input_matrix.")
+        rows = [len(row) for row in self.model.state_matrix]
+        if rows != [count] * count or len(self.model.input_matrix) != count:
+            text = f" has matrices of other sizes than the {count} columns: give {count} rows of "
+            raise self._fail("model", f"{text}{count}, and an input_matrix of {count}.")
         for name in ("weights", "equilibrium"):
             given = getattr(self, name)
             if given is not None and len(given) != count:
@@ -236,7 +238,7 @@ class Controller:
         try:
             self.gains  # noqa: B018
         except (np.linalg.LinAlgError, ValueError):
-            text = ": no gains hold it; the input does not reach a state that grows: correct b."
+            text = ": no gains hold it; the input does not reach a state that grows: correct it."
             raise self._fail("model", text) from None
 
     def _fail(self, name: str, text: str) -> KeyedError:
@@ -280,8 +282,10 @@ class Controller:
         """Gains of the states of a linear model, (n,); see `least_cost_gains`."""
         if self.model is None:
             return np.zeros(0)
-        weights = self.weights or [1.0] * len(self.model.b)
-        return least_cost_gains((self.model.a, self.model.b), weights, self.effort, self.sample)
+        weights = self.weights or [1.0] * len(self.model.input_matrix)
+        return least_cost_gains(
+            (self.model.state_matrix, self.model.input_matrix), weights, self.effort, self.sample
+        )
 
     @property
     def acted_column(self) -> str | None:

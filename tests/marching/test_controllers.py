@@ -180,7 +180,7 @@ def test_bang_bang_is_of_least_time():
 def test_gains_of_a_quadratic_cost_are_those_of_riccati():
     """Of held forces, with the integral of the cost; the cost from there on is x P x."""
     h, q, r = 0.1, np.diag([3.0, 1.0]), 0.5
-    model = {"a": [[0.0, 1.0], [4.0, 0.0]], "b": [0.0, 0.5]}
+    model = {"state_matrix": [[0.0, 1.0], [4.0, 0.0]], "input_matrix": [0.0, 0.5]}
     scene = sliding(
         3.0, of=None, kind="lqr", columns=["m.x", "m.vx"], model=model, weights=[3.0, 1.0],
         effort=r, sample=h,
@@ -188,12 +188,12 @@ def test_gains_of_a_quadratic_cost_are_those_of_riccati():
     gains = scene.controllers[0].gains
     # Cost and flow of a sample, by many small ones.
     count = 2000
-    a, b = held_flow(model["a"], model["b"], h / count)
+    a, b = held_flow(model["state_matrix"], model["input_matrix"], h / count)
     whole = np.block([[a, b[:, None]], [np.zeros((1, 2)), np.ones((1, 1))]])
     flow, cost, weight = np.eye(3), np.zeros((3, 3)), np.diag([3.0, 1.0, r])
-    half = expm(0.5 * h / count * np.block([[np.array(model["a"]), b[:, None] * 0],
+    half = expm(0.5 * h / count * np.block([[np.array(model["state_matrix"]), b[:, None] * 0],
                                             [np.zeros((1, 3))]]))  # fmt: skip
-    half[:2, 2] = held_flow(model["a"], model["b"], 0.5 * h / count)[1]
+    half[:2, 2] = held_flow(model["state_matrix"], model["input_matrix"], 0.5 * h / count)[1]
     for _ in range(count):  # Simpson's rule
         ends = [flow, half @ flow, whole @ flow]
         parts = [m.T @ weight @ m for m in ends]
@@ -207,8 +207,8 @@ def test_gains_of_a_quadratic_cost_are_those_of_riccati():
     told = impactfem.solve(scene).summary["controllers"]["hold"]
     closed = np.abs(np.linalg.eigvals(flow[:2, :2] - b @ exact[None])).max()
     assert told["spectral_radius"] == pytest.approx(closed, rel=1e-9)
-    continuous = sliding(of=None, kind="lqr", columns=["m.x", "m.vx"],
-                         model={"a": [[0.0, 1.0], [0.0, 0.0]], "b": [0.0, 1.0]})  # fmt: skip
+    model = {"state_matrix": [[0.0, 1.0], [0.0, 0.0]], "input_matrix": [0.0, 1.0]}
+    continuous = sliding(of=None, kind="lqr", columns=["m.x", "m.vx"], model=model)
     np.testing.assert_allclose(continuous.controllers[0].gains, [1.0, math.sqrt(3.0)], rtol=1e-12)
 
 
@@ -290,7 +290,8 @@ def test_ranks_agree(monkeypatch):
         ({"kind": "feedback", "of": None, "kp": None, "columns": ["m.x"], "formula": "m.x"},
          "formula = .*a dot"),
         ({"kind": "lqr", "of": None, "kp": None, "columns": ["m.x", "m.vx"],
-          "model": {"a": [[1.0, 0.0], [0.0, 1.0]], "b": [0.0, 1.0]}}, "model: no gains hold it"),
+          "model": {"state_matrix": [[1.0, 0.0], [0.0, 1.0]], "input_matrix": [0.0, 1.0]}},
+         "model: no gains hold it"),
         ({"kind": "implicit_pd", "of": "contact_force"}, "rate = .*give its column"),
         ({"name": "vx"}, "name = .* cannot stand in a formula"),
     ],

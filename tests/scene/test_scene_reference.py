@@ -6,6 +6,7 @@ from dataclasses import fields
 from impactfem import scene as language
 from impactfem.scene import Bar, Output, Scene, Solid, Solve, Support, describe
 from impactfem.scene.contacts import Adhesion
+from impactfem.scene.controllers import LinearModel, Noise
 from impactfem.scene.drop import Drop
 from impactfem.scene.schema import TableDoc, keys_of
 
@@ -33,6 +34,7 @@ TABLES = {
     "[[probe]]": language.Probe,
     "[[parameter]]": language.Parameter,
     "[[control]]": language.Control,
+    "[[controller]]": language.Controller,
     "[[measure]]": language.Measure,
     "[objective]": language.Objective,
     "[drop]": Drop,
@@ -66,6 +68,8 @@ TABLES = {
     "orthotropic = { e1 = ..., e3 = ... }": language.OrthotropicSolid,
     "orthotropic = { e1 = ... }": language.Orthotropic,
     "layers = [{ thickness = ... }]": language.Layer,
+    "model = { ... }": LinearModel,
+    "noise = { ... }": Noise,
     "minimise = [{ ... }]": language.Term,
     "constraints = [{ ... }]": language.Limit,
     "adhesion = { ... }": Adhesion,
@@ -79,7 +83,8 @@ TABLES = {
 TOLD = {"folder", "wall_stiffness"}
 """Fields that are no keys: the scene tells them."""
 OTHERWISE = {
-    (language.Parameter, "path"): "key", (language.Control, "course"): "kind",
+    (language.Parameter, "path"): "key", (language.Controller, "law"): "kind",
+     (language.Control, "course"): "kind",
     (language.Objective, "searched_by"): "solver", (language.Control, "begin"): "from",
     (language.Control, "end"): "until", (language.Limit, "least"): "min",
     (language.Limit, "most"): "max",
@@ -104,6 +109,7 @@ def test_every_table_and_key_is_described():
         "probe",
         "parameter",
         "control",
+        "controller",
         "measure",
         "objective",
         "drop",
