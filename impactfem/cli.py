@@ -298,6 +298,10 @@ def _add_measures(command: Callable[..., argparse.ArgumentParser]) -> None:
         "--vary", metavar="KEY=A:B:N", action="append", required=True,
         help="N values from A to B of a key, or key=v1,v2,v3 (repeatable: all combinations)",
     )  # fmt: skip
+    sweep.add_argument(
+        "--continue", dest="continued", action="store_true",
+        help="let each run start where the last one ended, through the values and back again",
+    )  # fmt: skip
     sweep.add_argument("--jobs", metavar="N", type=int, default=2, help="processes (default 2)")
     sweep.add_argument(
         "--figure", dest="figures", metavar="NAME", action="append", default=[],

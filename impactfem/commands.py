@@ -418,8 +418,8 @@ def sweep(given: argparse.Namespace) -> int:
     axes = [Axis.parse(text) for text in given.vary]
     try:
         found = swept(
-            scene, axes, folder=folder, jobs=given.jobs, asked=asked, extensions=given.extensions,
-            say=say,
+            scene, axes, folder=folder, jobs=given.jobs, asked=asked, continued=given.continued,
+            extensions=given.extensions, say=say,
         )  # fmt: skip
     except InterruptedRunError as error:
         error.kept = f"what is done is kept in {folder}: the same command goes on"

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
 from impactfem.report.panel import colour
@@ -33,10 +34,15 @@ def sweep_figure(found: "Sweep") -> Figure:
             axes.set_ylabel(found.axes[1].key)
         else:
             x = _numbers(found.column(found.axes[0].key), places[0], found.axes[0].values)
-            axes.plot(x, values, ".-" if len(places) == 1 else ".", color=colour(k))
+            style = ".-" if len(places) == 1 else "."
+            for way, own in _ways(found, np.arange(len(x))).items():
+                hue = colour(k + (way == "back")) if way else colour(k)
+                axes.plot(x[own], values[own], style, color=hue, label=way)
             axes.set_ylabel(name)
     panels[-1].set_xlabel(found.axes[0].key)
     panels[0].set_title(found.title)
+    if found.continued:
+        panels[0].legend()
     return figure
 
 
@@ -48,11 +54,22 @@ def section_figure(found: "Sweep") -> Figure:
     impacts = found.asked.section == "impacts"
     x = _numbers([row[1] for row in rows], _places(found.axes[0].values), found.axes[0].values)
     y = _numbers([row[-2 if impacts else -1] for row in rows])
-    axes.plot(x, y, ".", ms=1.5, color=colour(0))
+    for k, (way, own) in enumerate(_ways(found, np.array([row[0] for row in rows])).items()):
+        axes.plot(x[own], y[own], ".", ms=1.5 + k, alpha=1.0 - 0.5 * k, color=colour(k), label=way)
     axes.set_xlabel(found.axes[0].key)
     axes.set_ylabel("phase of impact [s]" if impacts else str(found.asked.section))
     axes.set_title(found.title)
+    if found.continued:
+        axes.legend()
     return figure
+
+
+def _ways(found: "Sweep", points: NDArray[np.int64]) -> dict[str, Any]:
+    """Which of the points of rows lie on which way of a sweep that continues."""
+    if not found.continued:
+        return {"": slice(None)}
+    ways = np.array(found.ways)
+    return {way: ways[points] == way for way in ("there", "back")}
 
 
 def _places(values: Sequence[Any]) -> Floats:

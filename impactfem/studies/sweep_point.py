@@ -1,6 +1,7 @@
 """One point of a sweep: run, sum up; and the process that does so for others."""
 
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Mapping
@@ -36,6 +37,7 @@ IMPACTS = "impacts"
 LONGEST = 300
 """Letters of a message."""
 _MOST = 1000  # last values of a section that are kept
+_PLACE, _SPEED = ("x", "y", "z"), ("vx", "vy", "vz")
 _ENDS: Mapping[str, Callable[[Floats], float]] = {
     "min": lambda values: float(np.nanmin(values)),
     "max": lambda values: float(np.nanmax(values)),
@@ -80,16 +82,27 @@ class Point:
         figures: By name; empty if there is no result.
         section: Rows of time [s], phase [s] and value.
         message: Why it failed, or the first thing against trusting it.
+        end: Of a sweep that continues: settings that let a scene start where this one ended.
     """
 
     code: int
     figures: Mapping[str, Any] = field(default_factory=dict)
     section: list[list[float]] = field(default_factory=list)
     message: str = ""
+    end: Mapping[str, Any] = field(default_factory=dict)
 
 
-def run_point(scene: Scene, settings: Mapping[str, Any], asked: Asked) -> Point:
-    """Run a scene with some keys changed; what cannot be done is told, not raised."""
+def run_point(
+    scene: Scene, settings: Mapping[str, Any], asked: Asked, *, ends: bool = False
+) -> Point:
+    """Run a scene with some keys changed; what cannot be done is told, not raised.
+
+    Args:
+        scene: The scene.
+        settings: Values by key.
+        asked: What is asked of it.
+        ends: Whether the end is kept, for a run that goes on from there.
+    """
     from impactfem.solving import solve  # noqa: PLC0415  (loads much)
 
     try:
@@ -103,7 +116,27 @@ def run_point(scene: Scene, settings: Mapping[str, Any], asked: Asked) -> Point:
     verdict = summary["verdict"]
     trusted = verdict["level"] != "do_not_trust"
     message = "" if trusted else str(verdict["findings"][0]["text"])[:LONGEST]
-    return Point(0 if trusted else 3, figures, section, message)
+    end = end_of(result) if ends else {}
+    return Point(0 if trusted else 3, figures, section, message, end)
+
+
+def end_of(result: "Result") -> dict[str, Any]:
+    """Settings that let a scene of points and rods start where a run ended."""
+    found: dict[str, Any] = {}
+    for index, body in enumerate(result.scene.bodies):
+        columns = {
+            name: float(result.rows[f"{body.name}.{name}"].values[-1])
+            for name in ("x", "y", "z", "vx", "vy", "vz", "angle", "spin")
+            if f"{body.name}.{name}" in result.rows
+        }
+        dim = result.scene.dim  # columns are those of space
+        place, speed = ([columns[k] for k in names[:dim]] for names in (_PLACE, _SPEED))
+        at = {"position": place} if body.kind == "point" else {
+            "center": place, "inclination": math.remainder(columns["angle"], 2.0 * math.pi),
+            "angular_velocity": columns["spin"],
+        }  # fmt: skip
+        found |= {f"body.{index}.{key}": value for key, value in (at | {"velocity": speed}).items()}
+    return found
 
 
 def _code(error: BaseException) -> int:

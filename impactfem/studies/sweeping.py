@@ -27,6 +27,7 @@ from impactfem.studies.sweep_point import FIGURES, LONGEST, Asked, Point, run_po
 
 MOST = 100_000
 """Largest number of points."""
+_PHASE = 1e-6  # periods by which a duration may miss a whole number of them
 KEPT = "points.jsonl"
 """File of the points that are done, of which a sweep takes what it has."""
 
@@ -80,6 +81,7 @@ class Sweep:
         asked: What was asked of each point.
         points: One for each combination, in order.
         taken: How many were done before.
+        continued: Whether each point began where the one before ended, up and down again.
     """
 
     title: str
@@ -87,20 +89,35 @@ class Sweep:
     asked: Asked
     points: tuple[Point, ...]
     taken: int = 0
+    continued: bool = False
 
     @property
     def names(self) -> list[str]:
         """Names of the columns of `rows`."""
-        return ["point", *(axis.key for axis in self.axes), "exit", *FIGURES, *self.asked.figures,
-                "message"]  # fmt: skip
+        way = ["way"] * self.continued
+        return ["point", *(axis.key for axis in self.axes), *way, "exit", *FIGURES,
+                *self.asked.figures, "message"]  # fmt: skip
+
+    @property
+    def ways(self) -> list[str]:
+        """Of each point, if it is continued, whether it lies on the way "there" or "back"."""
+        half = len(self.points) // 2
+        return ["there"] * half + ["back"] * half if self.continued else []
 
     def rows(self) -> list[list[Any]]:
         """The table: values, exit code, figures and message of each point."""
         names = (*FIGURES, *self.asked.figures)
         return [
-            [k, *values, point.code, *(point.figures.get(name) for name in names), point.message]
+            [
+                k,
+                *values,
+                *self.ways[k : k + 1],
+                point.code,
+                *(point.figures.get(name) for name in names),
+                point.message,
+            ]
             for k, (values, point) in enumerate(zip(combined(self.axes), self.points, strict=True))
-        ]
+        ]  # fmt: skip
 
     def column(self, name: str) -> list[Any]:
         """A column of the table."""
@@ -119,7 +136,7 @@ class Sweep:
             "title": self.title, "kind": "sweep", "points": len(codes), "failed": self.failed,
             "exit_codes": {str(code): codes.count(code) for code in sorted({*codes})},
             "axes": {axis.key: list(axis.values) for axis in self.axes},
-            "section": self.asked.section,
+            "section": self.asked.section, "continued": self.continued,
         }  # fmt: skip
 
     def save(self, folder: str | Path) -> None:
@@ -164,6 +181,7 @@ def sweep(
     folder: Path | None = None,
     jobs: int = 1,
     asked: Asked | None = None,
+    continued: bool = False,
     extensions: Sequence[str] = (),
     say: Callable[[str], None] = lambda _: None,
 ) -> Sweep:
@@ -179,6 +197,10 @@ def sweep(
             when it is asked for again. None: they are not kept.
         jobs: Number of processes; 1: this one.
         asked: What is asked of each point besides `FIGURES`.
+        continued: Let each run start where the one before has ended, through all values and back
+            again: branches are followed, and where both ways differ there is hysteresis. One
+            key; points and rods; one after the other, whatever the jobs; the duration is a whole
+            number of periods, so that what is driven goes on in phase.
         extensions: Modules that the processes load.
         say: Told of each point.
 
@@ -191,22 +213,70 @@ def sweep(
         Axis(key, tuple(values)) for key, values in vary.items()
     )  # fmt: skip
     asked = asked or Asked()
+    if continued:
+        axes = _there_and_back(scene, axes, asked)
     settings = _checked(scene, axes, jobs)
     text = json.dumps(scene.given())
-    kept = _Kept.of(folder, [text, [vars(axis) for axis in axes], vars(asked)])
+    told = [text, [vars(axis) for axis in axes], vars(asked), *(["continued"] * continued)]
+    kept = _Kept.of(folder, told)
     found = dict(kept.points)
     left = [k for k in range(len(settings)) if k not in found]
     if found:
         say(f"{len(found)} of {len(settings)} points are taken from {folder}")
-    for done, (index, point) in enumerate(
-        _run(scene, text, [(k, settings[k]) for k in left], asked, jobs, extensions), len(found) + 1
-    ):
+    waiting = [(k, settings[k]) for k in left]
+    run = (
+        _continue(scene, waiting, asked, found) if continued
+        else _run(scene, text, waiting, asked, jobs, extensions)
+    )  # fmt: skip
+    for done, (index, point) in enumerate(run, len(found) + 1):
         kept.add(index, point)
         found[index] = point
         shown = ", ".join(f"{key} = {show(value)}" for key, value in settings[index].items())
         say(f"{done}/{len(settings)}: {shown}: exit {point.code} {point.message}".rstrip())
     points = tuple(found[k] for k in range(len(settings)))
-    return Sweep(scene.title, axes, asked, points, len(settings) - len(left))
+    return Sweep(scene.title, axes, asked, points, len(settings) - len(left), continued)
+
+
+def _there_and_back(scene: Scene, axes: Sequence[Axis], asked: Asked) -> tuple[Axis, ...]:
+    """The values and the same backwards.
+
+    Raises:
+        SceneError: The scene cannot go on from its end.
+    """
+    if len(axes) != 1:
+        raise SceneError(f"sweep --continue: it follows one key, not {len(axes)}; vary one")
+    others = [body for body in scene.bodies if body.kind not in {"point", "rod"}]
+    if others:
+        raise SceneError(
+            f"sweep --continue: {others[0].name} is a {others[0].kind}; only points and rods start "
+            "where they ended, as they are their places and velocities: leave --continue out"
+        )
+    if not asked.period > 0.0:
+        raise SceneError(
+            "sweep --continue: it takes --period T, the time after which what drives repeats"
+        )
+    periods = scene.duration / asked.period
+    if (whole := round(periods)) < 1 or abs(periods - whole) > _PHASE:
+        raise SceneError(
+            f"sweep --continue: duration = {scene.duration:g} is {periods:.9g} periods of "
+            f"{asked.period:g} s, so that what drives would jump; give duration = "
+            f"{max(whole, 1) * asked.period!r}"
+        )
+    (axis,) = axes
+    return (Axis(axis.key, (*axis.values, *reversed(axis.values))),)
+
+
+def _continue(
+    scene: Scene, points: Sequence[tuple[int, dict[str, Any]]], asked: Asked,
+    done: Mapping[int, Point],
+) -> Iterator[tuple[int, Point]]:  # fmt: skip
+    """Run points one after the other, each from the last end there is."""
+    known = [done[k].end for k in sorted(done) if done[k].end]
+    last = known[-1] if known else {}
+    for index, settings in points:
+        point = run_point(scene, {**last, **settings}, asked, ends=True)
+        last = point.end or last
+        yield index, point
 
 
 def combined(axes: Sequence[Axis]) -> Iterator[tuple[Any, ...]]:

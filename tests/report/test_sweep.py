@@ -125,6 +125,79 @@ def test_failures_are_rows_with_their_exit_codes(table):
     assert found.column("duration") == [0.1, -1.0, 0.1, -1.0]
 
 
+def test_continuation_follows_branches_and_shows_hysteresis(tmp_path, capsys):
+    """x - x**3 + p has two rests between the folds at p = 2 / (3 sqrt 3) = 0.385 and its mirror."""
+    path = tmp_path / "bistable.toml"
+    path.write_text("""
+title = "Bistable"
+duration = 30.0
+gravity = [0.0]
+parameter = [{ name = "p", start = 0.0 }]
+obstacle = [{ kind = "half_space", point = [-10.0], normal = [1.0] }]
+output = { fields = [] }
+[[body]]
+name = "ball"
+kind = "point"
+mass = 1.0
+position = [-1.2]
+force = ["x - x**3 + p - 2*vx"]
+""")
+    out = tmp_path / "out"
+    words = ["sweep", str(path), "--vary", "parameter.p.start=-0.6,0.0,0.6",
+             "--continue", "--period", "1", "--section", "ball.x", "--after", "29",
+             "--out", str(out)]  # fmt: skip
+    assert main([*words, "--figure", "ball.x.last"]) == 0
+    rows = list(csv.DictReader((out / "sweep.csv").open()))
+    assert [row["way"] for row in rows] == ["there"] * 3 + ["back"] * 3
+    for row in rows:
+        p = float(row["parameter.p.start"])
+        roots = np.roots([-1.0, 0.0, 1.0, p])
+        real = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
+        branch = real[0 if row["way"] == "there" else -1]  # where there is one, it is the only
+        assert float(row["ball.x.last"]) == pytest.approx(branch, abs=1e-8), p
+    # Killed after the third point, it goes on from the end of that.
+    lines = (out / "points.jsonl").read_text().splitlines()
+    (out / "points.jsonl").write_text("\n".join([*lines[:4], lines[4][:40]]))
+    assert main([*words, "--figure", "ball.x.last"]) == 0
+    again = list(csv.DictReader((out / "sweep.csv").open()))
+    assert [row["ball.x.last"] for row in again] == [row["ball.x.last"] for row in rows]
+    capsys.readouterr()
+
+
+def test_continuation_finds_the_flip_of_the_vibrating_table(table):
+    """One phase at 3.85, two at 3.90 (flip at 3.8550), there and back."""
+    period, amplitude = 2.0 * math.pi / OMEGA, 9.81 / (2.0 * (1.0 + E) * OMEGA**2)
+    # The table is at 0 at whole periods, whatever gamma; the ball flies and will strike it at
+    # cos(phase) = 2 pi (1 - e) / gamma, as it does once in a period.
+    phase = math.acos(EXISTS / 3.8)
+    wait, down = phase / OMEGA, 0.5 * 9.81 * period
+    height = 3.8 * amplitude * math.sin(phase) + down * wait - 0.5 * 9.81 * wait**2
+    scene = Scene.from_toml(table).with_settings({
+        "duration": 400 * period, "body.0.position": [height], "body.0.velocity":
+        [9.81 * wait - down], "obstacle.0.motion": [f"gamma*{amplitude}*sin({OMEGA}*t)"],
+    })  # fmt: skip
+    asked = Asked(section="impacts", period=period, after=380 * period)
+    values = [3.8, 3.85, 3.9, 3.95]
+    found = sweep(scene, {"parameter.gamma.start": values}, asked=asked, continued=True)
+    phases = [np.array(point.section)[:, 1] / period for point in found.points]
+    apart = [np.abs(np.diff(each - np.round(each))).max() for each in phases]
+    assert [each > 0.03 for each in apart] == [False] * 2 + [True] * 4 + [False] * 2, apart
+
+
+@pytest.mark.parametrize(
+    ("change", "vary", "period", "words"),
+    [
+        ({"duration": 1.0}, {"parameter.gamma.start": [3.0, 3.5]}, 0.3, "give duration = 0.8999"),
+        ({}, {"parameter.gamma.start": [3.0, 3.5]}, 0.0, "--period T"),
+        ({}, {"duration": [1.0], "parameter.gamma.start": [3.0]}, 1.0, "one key, not 2"),
+    ],
+)
+def test_continuations_without_sense_are_refused(table, change, vary, period, words):
+    scene = Scene.from_toml(table).with_settings(change)
+    with pytest.raises(SceneError, match=words):
+        sweep(scene, vary, asked=Asked(period=period), continued=True)
+
+
 @pytest.mark.parametrize(
     ("vary", "asked", "words"),
     [
