@@ -13,6 +13,7 @@ from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
 from impactfem.result.history import BodyMotion
+from impactfem.scene.loads import PiecewiseVector
 
 INERTIA_LIMITS = (0.01, 0.1)
 """Shares of the energy of a body that its masses miss as it turns."""
@@ -37,7 +38,7 @@ def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats) -> Floats:
 
 
 def work_done(
-    march: TimeLoop[Any], rows: Rows, sums: Floats, dim: int, *, explicit: bool
+    march: TimeLoop[Any], rows: Rows, sums: Floats, gravity: PiecewiseVector, *, explicit: bool
 ) -> Floats:
     """Work of gravity, loads and moved obstacles up to each layer [J], as the scheme does it.
 
@@ -45,13 +46,17 @@ def work_done(
         march: At its end.
         rows: As the march has left them, of the whole.
         sums: Of all ranks and bodies, as `Rows.sums` has them, (rows, ...).
-        dim: Number of directions.
+        gravity: Of the scene.
         explicit: Whether energies belong to the middle of layers.
     """
+    dim = gravity.dim
     step = np.diff(sums[:, 3 + dim : 3 + 2 * dim], axis=0)  # mass times way
-    interior, times = march.interior, march.interior.dt * np.arange(len(sums))
-    gravity = [interior.gravity(*ends) for ends in pairwise(times.tolist())]
-    pulls = np.array(gravity).reshape(step.shape)
+    if gravity.is_constant:  # which an interior would say of each of many layers
+        pulls = np.broadcast_to(np.array(gravity.values[0]), step.shape)
+    else:
+        interior, times = march.interior, march.interior.dt * np.arange(len(sums))
+        each = [interior.gravity(*ends) for ends in pairwise(times.tolist())]
+        pulls = np.array(each).reshape(step.shape)
     if explicit:  # energies belong to the middle of layers: half of each neighbouring step
         step = 0.5 * (step + np.vstack([np.zeros_like(step[:1]), step[:-1]]))
     pulled = np.einsum("ij,ij->i", pulls, step)
