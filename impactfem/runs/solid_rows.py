@@ -71,9 +71,7 @@ def solids_motion(seen: Observed) -> SolidsMotion:
     rows, each = march.rows.first(done).times(whole.factor), whole.factor * each[:done]
     together = each.sum(axis=1)
     elastic = elastic_energy(scheme, rows, together[:, 1])
-    work = work_done(
-        march, rows, together, model.scene.vector_gravity, explicit=scheme.staggered
-    )
+    work = work_done(march, rows, together, model.scene.vector_gravity, explicit=scheme.staggered)
     attitudes = total(model.comm, rows.attitude)
     placed = [part.system.displacement for part in model.parts]
     level = level_at_start(model)
