@@ -120,8 +120,8 @@ _MOVED = {
         "exact": "ExactBar ExactBarRow RowBar",
         "inverse": "Control Gradient Identified Measure Objective Optimised Parameter Term",
         "obstacles": "RigidBox RigidCylinder RigidMesh RigidPolyline RigidSphere",
-        "shapes": "Block Capsule Cylinder Disc DiscOutline Hull PolygonOutline RectangleOutline "
-        "Ring RingOutline Sphere",
+        "shapes": "Block Capsule Cylinder Disc DiscOutline Ellipsoid Hull PolygonOutline "
+        "RectangleOutline Ring RingOutline Sphere",
         "studies": "Board Comparison Study hard_cases solve_ensemble work_precision",
         "systems": "GeneralizedSystem LinearSystem Trajectory integrate_ensemble",
     }.items()

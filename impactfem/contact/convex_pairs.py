@@ -8,6 +8,7 @@ that follow the centre with arms along the axes of space, *followers*, carry tha
 are pushed at one point, so that friction too keeps their angular momentum.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -27,6 +28,7 @@ type Pose = tuple[Floats, Floats]
 """Centre (3,) and rotation (3, 3) of a body."""
 
 _DEEP = 0.25  # of its thickness: what lies deeper behind an edge is on another side
+_ROUNDS, _SETTLED = 300, 1e-13  # looks for where ellipsoids touch, and a change that ends them
 _MOST = 8  # gaps of two bodies with faces in space
 
 
@@ -183,6 +185,8 @@ def facing(
         most: Number of places at most.
     """
     hint, size = np.zeros(3), min(first.reach, second.reach)
+    if first.radii is not None or second.radii is not None:
+        return _settled(first, second, one, other, most)
     aims: tuple[Floats | None, Floats | None] = (None, None)
     if first.axis is not None or second.axis is not None:
         hint, _, _ = separate(first.spine(*one), second.spine(*other), hint, size)
@@ -191,6 +195,51 @@ def facing(
     n, kind, index = separate(a, b, hint, size)
     x, y, count = touching(a, b, n, kind, index, size, most)
     return n, x[:count], y[:count]
+
+
+def _settled(
+    first: Convex, second: Convex, one: Pose, other: Pose, most: int
+) -> tuple[Floats, Floats, Floats]:
+    """The same of an ellipsoid, and another one or any body; see `facing`."""
+    size, start = min(first.reach, second.reach), one[0] - other[0]
+    start = start / max(float(np.linalg.norm(start)), np.finfo(float).tiny)
+
+    def look(aims: Floats, begins: bool) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
+        """Where both are to be met next, and what separates them; a flat face at once."""
+        down = first.placed(*one, aims[0] @ one[1]), second.placed(*other, aims[1] @ other[1])
+        n, kind, index = separate(*down, np.zeros(3), size)
+        x, y, count = touching(*down, n, kind, index, size, most)
+        found = np.array([-n, n])
+        for k, (shape, (_, turn)) in enumerate(((first, one), (second, other))):
+            if shape.radii is not None and not (kind < 2 and begins):
+                found[k] = turn @ shape.seen(aims[k] @ turn, found[k] @ turn)
+        return found, (n, x[:count], y[:count])
+
+    return settled(look, np.array([-start, start]))
+
+
+def settled[Found](look: Callable[[Floats, bool], tuple[Floats, Found]], aims: Floats) -> Found:
+    """What is found where directions (several, 3) stay as they are.
+
+    Each look shortens the way there by a share: what two have in common is taken to go on (Aitken).
+
+    Args:
+        look: Directions that follow from these, and what is found; told whether it begins.
+        aims: Directions to begin with.
+    """
+    last = np.zeros_like(aims)
+    following, found = look(aims, True)
+    for count in range(_ROUNDS):
+        change = following - aims
+        if np.abs(change).max() <= _SETTLED:
+            break
+        share = float((change * last).sum()) / max(float((last * last).sum()), 1e-300)
+        aims, last = following, change
+        if count % 3 == 2 and 0.0 < share < 1.0:
+            aims = aims + share / (1.0 - share) * change
+            aims /= np.linalg.norm(aims, axis=1)[:, None]
+        following, found = look(aims, False)
+    return found
 
 
 @dataclass(frozen=True)

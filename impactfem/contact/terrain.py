@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Booleans, Floats, Integers
-from impactfem.contact.convex_pairs import Marked, Placed, Pose
+from impactfem.contact.convex_pairs import Marked, Placed, Pose, settled
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting, Turning
 from impactfem.contact.terrain_kernels import struck, triangles_in
@@ -29,6 +29,7 @@ _EDGE = 1e-9  # share of a triangle's size within which places are on its edges
 _ON = 1e-6  # the same of contact points, and of a body's size within which they are one
 _WIDE = 0.5  # sine by which a direction may lie beside the normals at a corner of the shape
 _BESIDE = 0.02  # the same at edges and corners of the surface
+_LEVEL = 1e-6  # the same where what is round looks from the face beside, on which it stands
 _DEEP = 3  # of which one of so many gaps is for the deepest places, where there are too many
 
 
@@ -125,8 +126,15 @@ class Terrain:
         x, n = np.broadcast_to(corners, (*height.shape, 3))[place, corner], normals[place]
         return x, x - height[place, corner, None] * n, n
 
-    def sticks_out(self, at: Floats, n: Floats, of: Integers) -> Booleans:
-        """Whether places (places, 3) on triangles are on sides or corners that do, along n."""
+    def sticks_out(self, at: Floats, n: Floats, of: Integers, beside: float) -> Booleans:
+        """Whether places on triangles are on sides or corners that do, along a direction.
+
+        Args:
+            at: The places [m], (places, 3).
+            n: Directions, (places, 3).
+            of: Triangles.
+            beside: Sine by which directions may lie beside the normals.
+        """
         arms, sides = at[:, None] - self.surface.corners[of], self.sides[of]
         size = np.einsum("pkd,pkd->pk", sides, sides)
         share = np.einsum("pkd,pkd->pk", arms, sides) / size
@@ -135,10 +143,10 @@ class Terrain:
         near, side, each = on.sum(axis=1), np.argmax(on, axis=1), np.arange(len(at))
         up = np.einsum("pkd,pd->pk", sides, n) / np.sqrt(size)
         over = self.across[of, side]
-        rise = np.einsum("pd,pd->p", over, n) <= _BESIDE * np.linalg.norm(over, axis=1)
+        rise = np.einsum("pd,pd->p", over, n) <= beside * np.linalg.norm(over, axis=1)
         # Of its own triangle the side before goes down to the one that is asked for.
-        edge = (near == 1) & self.sharp[of, side] & (np.abs(up[each, side]) <= _BESIDE) & rise
-        edge &= up[each, side - 1] >= -_BESIDE
+        edge = (near == 1) & self.sharp[of, side] & (np.abs(up[each, side]) <= beside) & rise
+        edge &= up[each, side - 1] >= -beside
         corner = (near > 1) & self.peaks[
             of, (side := np.where(on[:, 0] & on[:, 2], 0, side + 1) % 3)
         ]
@@ -147,7 +155,7 @@ class Terrain:
             number = self.surface.simplices[of[k], side[k]]
             ways = self.surface.points[ring[starts[number] : starts[number + 1]]]
             ways = ways - self.surface.points[number]
-            corner[k] = (ways @ n[k] <= _BESIDE * np.linalg.norm(ways, axis=1)).all()
+            corner[k] = (ways @ n[k] <= beside * np.linalg.norm(ways, axis=1)).all()
         return np.asarray(edge | corner)
 
 
@@ -203,7 +211,8 @@ class OnTerrain(Anew):
         moved = (places - acting)[self.nodes]
         way = float(np.sqrt((moved * moved).sum(axis=1).max())) + self.led
         rest = at.back(centre), turn if at.turn is None else at.turn.T @ turn
-        x, y, n = self._touching(rest, shape.radius + 2.0 * way + _ROOM * shape.reach)
+        bulge = shape.radius if shape.radii is None else shape.reach
+        x, y, n = self._touching(rest, bulge + 2.0 * way + _ROOM * shape.reach)
         between = np.einsum("ij,ij->i", x - y, n) - shape.radius
         some = _chosen(x, n, between, shape.reach, self.count)
         n, between, count = at.turned(n[some]), between[some], len(some)
@@ -229,24 +238,41 @@ class OnTerrain(Anew):
         )
         up = near[faced > 0.0]
         seen = corners[None]
-        if shape.axis is not None and len(up):
+        if shape.aims and len(up):
             aims = map(shape.aim, terrain.normals[up] @ pose[1])
             seen = np.array([shape.placed(*pose, aim)[0] for aim in aims])
         found = [terrain.standing(seen, body[5], shape.radius, up)]
         if len(some := near[terrain.peaks[near].any(axis=1)]):
-            axis = np.zeros(3) if shape.axis is None else pose[1] @ shape.axis
-            (x, y, n), of = struck(
-                body, shape.spine(*pose), axis, shape.reach, some, terrain.surface.corners,
-                terrain.normals,
-            )  # fmt: skip
+            (x, y, n), of = self._struck(pose, some)
             # Ends of edges that do not cross are apart across the direction.
             aside = x - y - np.einsum("pd,pd->p", x - y, n)[:, None] * n
             kept = np.linalg.norm(aside, axis=1) <= _BESIDE * shape.reach
-            kept &= terrain.sticks_out(y, n, of)
+            kept &= terrain.sticks_out(y, n, of, _LEVEL if shape.radius else _BESIDE)
             found.append((x[kept], y[kept], n[kept]))
         x, y, n = (np.concatenate(each) for each in zip(*found, strict=True))
         soon = np.einsum("ij,ij->i", x - y, n) < shape.radius + room
         return x[soon], y[soon], n[soon]
+
+    def _struck(self, pose: Pose, near: Integers) -> tuple[Floats, Integers]:
+        """See `impactfem.contact.terrain_kernels.struck`; of an ellipsoid until it settles."""
+        shape, terrain, turn = self.one.shape, self.terrain, pose[1]
+        axis = np.zeros(3) if shape.axis is None else pose[1] @ shape.axis
+        beside = axis, shape.reach
+        of = terrain.surface.corners, terrain.normals
+        body = shape.placed(*pose)
+        found, triangles = struck(body, shape.spine(*pose), *beside, near, *of)
+        if shape.radii is None:
+            return found, triangles
+
+        def look(aims: Floats, _: bool) -> tuple[Floats, Floats]:
+            body = shape.placed(*pose, aims[0] @ turn)
+            met = struck(body, body, *beside, triangles[k : k + 1], *of)[0][:, 0]
+            return (turn @ shape.seen(aims[0] @ turn, -met[2] @ turn))[None], met
+
+        near_enough = terrain.sticks_out(found[1], found[2], triangles, _WIDE)
+        for k in np.flatnonzero(near_enough):  # a ball has one place on each triangle
+            found[:, k] = settled(look, -found[2, k][None])
+        return found, triangles
 
 
 def _chosen(x: Floats, n: Floats, gap: Floats, size: float, most: int) -> Integers:

@@ -97,7 +97,9 @@ def _other(
     places, radius = skin.points[nodes], skin.radius[nodes]
     beside = first + int(np.linalg.norm(points - places.mean(axis=0), axis=1).argmin())
     body = next((body for body in scene.bodies if body.name == skin.names[number]), None)
-    if isinstance(body, RigidBody) and not len(body.form.rim):  # its picture has facets
+    if isinstance(body, RigidBody) and not (
+        len(body.form.rim) or body.is_curved
+    ):  # its picture has facets
         places = body.center + (body.form.nodes - body.center) @ body.rotation.T
         radius = body.form.radius
     heights = (places - points[0]) @ normal

@@ -38,7 +38,7 @@ from impactfem.scene.points import Point, Spring
 from impactfem.scene.probes import Probe
 from impactfem.scene.rigid import RigidBody
 from impactfem.scene.rigid_keys import Orientation
-from impactfem.scene.rigid_shapes import Capsule, Hull
+from impactfem.scene.rigid_shapes import Capsule, Ellipsoid, Hull
 from impactfem.scene.scene import Scene
 from impactfem.scene.schema import describe
 from impactfem.scene.settings import Output, Solve
@@ -62,6 +62,7 @@ __all__ = [
     "Disc",
     "DiscOutline",
     "EdgeSupport",
+    "Ellipsoid",
     "FacePressure",
     "Formula",
     "HalfSpace",

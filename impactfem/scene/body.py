@@ -148,6 +148,11 @@ class BodyKind:
         return False
 
     @property
+    def is_curved(self) -> bool:
+        """Whether it touches neither with corners nor with balls alone."""
+        return False
+
+    @property
     def sees_edges(self) -> bool:
         """Whether edges and faces of rigid bodies may meet it, be it with such of its own."""
         return self.rolls or self.has_corners or self.meets_edges

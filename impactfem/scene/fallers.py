@@ -67,6 +67,9 @@ def outline(body: Any, folder: Path) -> Outline:
         raise KeyedError(
             "drop", "height", f"{text}a {body.kind}: give its place and velocity instead."
         )
+    if body.is_curved:
+        text = f" drops no ellipsoids, as {body.name}: give its place and velocity instead."
+        raise KeyedError("drop", "height", text)
     for support in getattr(body, "supports", ()):
         if not getattr(support, "mirrors", False) and getattr(support, "kind", "") != "free":
             text = f": {body.name} has supports, and what is held does not fall; leave drop out."

@@ -92,18 +92,29 @@ def _check_partners(scene: Content) -> None:
                 text = f"{body.name} has edges and faces, which a {other.kind} does not meet; "
                 text += "list the pairs that may meet by [[contact]]."
                 raise KeyedError("contact", "", what + text)
+            _check_curved(body, other, what)
             _check_convex(body, what)
     for body in (body for body in scene.bodies if body.has_corners):
         for obstacle in obstacles_of(scene, body.name):
             ridges = obstacle.meets_sides(body)
             if obstacle.meets_corners and not ridges:
                 continue
+            if body.is_curved:
+                ridges = obstacle.plane is not None or obstacle.surface is not None
             text = f" of {body.name} and {obstacle.name} is not available: "
             _check_convex(body, text)
             if not (obstacle.is_convex or ridges):
-                text += f"{obstacle.name} may meet edges and faces of {body.name}, and is not "
-                text += "convex; give boxes, a half_space, or a body that is a ball."
+                text += f"{obstacle.name} may meet edges, faces or bulges of {body.name}, and is "
+                text += "not convex; give boxes, a half_space, a mesh, or a body that is a ball."
                 raise KeyedError("contact", "", text)
+
+
+def _check_curved(body: Body, other: Body, what: str) -> None:
+    """Refuse ellipsoids on what is not rigid."""
+    if body.is_curved and not (other.rolls or other.has_corners or other.has_links):
+        text = f"{body.name} is an ellipsoid, which meets rigid bodies, links and obstacles "
+        text += "only; list the pairs that may meet by [[contact]], or give a hull."
+        raise KeyedError("contact", "", what + text)
 
 
 def _check_convex(body: Body, what: str) -> None:

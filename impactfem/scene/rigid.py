@@ -205,7 +205,12 @@ class RigidBody(BodyKind):
     @property
     def has_corners(self) -> bool:
         """Whether it is no single ball."""
-        return len(self.form.nodes) > 1
+        return len(self.form.nodes) > 1 or self.form.curved
+
+    @property
+    def is_curved(self) -> bool:
+        """Whether it, or a part, is an ellipsoid."""
+        return self.form.curved
 
     @property
     def is_convex(self) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.scene.closed_surface import ClosedSurface
-from impactfem.scene.rigid_shapes import Capsule, Hull
+from impactfem.scene.rigid_shapes import Capsule, Ellipsoid, Hull
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
 from impactfem.scene.values import show
@@ -43,6 +43,8 @@ class Form:
             and sine of the angle, (nodes, 2); empty without any.
         axis: Of the circles, (nodes, 3); empty without any.
         convex: Whether it, or each of its parts, is its own convex hull.
+        radii: Half axes of an ellipsoid [m], (3,), whose node is in a ball around it; else empty.
+        curved: Whether it, or a part, is one: nodes do not tell what touches.
     """
 
     volume: float
@@ -55,6 +57,8 @@ class Form:
     rim: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     axis: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     convex: bool = True
+    radii: Floats = field(default_factory=lambda: np.zeros(0))
+    curved: bool = False
 
     @property
     def dim(self) -> int:
@@ -106,7 +110,8 @@ class Form:
             volume, centre, second, nodes, radius[:, 0],
             np.vstack([part.points for part in parts]),
             np.vstack([part.cells + k for part, k in zip(parts, first, strict=False)]),
-            convex=all(part.convex for part in parts), **circles,
+            convex=all(part.convex for part in parts),
+            curved=any(part.curved for part in parts), **circles,
         )  # fmt: skip
 
 
@@ -280,6 +285,15 @@ def _capsule(shape: Capsule) -> Form:
     )  # fmt: skip
 
 
+def _ellipsoid(shape: Ellipsoid) -> Form:
+    radii, centre = (np.asarray(each, dtype=float) for each in (shape.radii, shape.center))
+    volume, seen = 4.0 / 3.0 * math.pi * float(radii.prod()), _unit_ball()
+    return Form(
+        volume, centre, volume / 5.0 * np.diag(radii**2), centre[None], radii[None].max(axis=1),
+        centre + radii * seen.points, seen.cells, radii=radii, curved=True,
+    )  # fmt: skip
+
+
 def _hull(shape: Hull) -> Form:
     points = np.asarray(shape.points, dtype=float)
     size = float(np.ptp(points, axis=0).max())
@@ -344,6 +358,7 @@ _FORMS: Mapping[type, Callable[[Any], Form]] = {
     Ring: _disc,
     Sphere: _ball,
     Capsule: _capsule,
+    Ellipsoid: _ellipsoid,
     Hull: _hull,
 }
 """Forms of shapes: the place to add one."""

@@ -1,4 +1,4 @@
-"""Shapes that only rigid bodies have: capsules and convex hulls of points."""
+"""Shapes that only rigid bodies have: capsules, ellipsoids and convex hulls of points."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -77,6 +77,35 @@ class Hull:
         return tuple((max(x) - min(x)) / 2 for x in zip(*self.points, strict=True))
 
 
-type RigidShape = Shape | Capsule | Hull
+@table('shape = { kind = "ellipsoid" }')
+class Ellipsoid:
+    """What is round with three radii, along the axes in which it is drawn (rigid bodies, 3D).
 
-RIGID_SHAPES = (*SHAPES, Capsule, Hull)
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    kind: ClassVar[str] = "ellipsoid"
+    dim: ClassVar[int] = 3
+
+    radii: Sequence[float] = key(Vector((3,)), "half axes along x, y and z", unit="m")
+    center: Sequence[float] = key(Vector((3,)), "centre", unit="m", default=(0.0, 0.0, 0.0))
+
+    def _check(self) -> None:
+        least, most = min(self.radii), max(self.radii)
+        if not least > 0.0 or most > _FLATTEST * least:
+            text = f" = {show(list(self.radii))} are not all above 0, or one is more than "
+            text += f"{_FLATTEST:g} times another: give lengths, or of what is flatter a hull."
+            raise KeyedError(self.kind, "radii", text)
+
+    @property
+    def half_extents(self) -> tuple[float, ...]:
+        """Half the edges of a box that holds it in any direction [m], (3,)."""
+        return (max(self.radii),) * 3
+
+
+_FLATTEST = 20.0  # half axes by the smallest one from which places of contact converge slowly
+
+type RigidShape = Shape | Capsule | Ellipsoid | Hull
+
+RIGID_SHAPES = (*SHAPES, Capsule, Ellipsoid, Hull)

@@ -91,7 +91,7 @@ def _check_shape(body: "RigidBody", why: str) -> None:
     for name in ("force", "moment", "mesh"):
         if getattr(body, name):
             raise KeyedError(body.kind, name, f": {why} of a shape under its weight: {_REMEDY}.")
-    if len(body.form.rim):
+    if len(body.form.rim) or body.is_curved:
         text = f' = "{body.figure}": {why} of corners or a single ball, no rims: {_REMEDY}.'
         raise KeyedError(body.kind, "shapes" if body.shapes else "shape.kind", text)
 

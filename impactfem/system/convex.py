@@ -1,11 +1,14 @@
 """Convex bodies as contact sees them: a core of corners, edges and faces, and a radius around it.
 
 A round cylinder is a prism that is turned about its axis, layer by layer, so that one of its edges
-is the line, or its end the rim's place, that looks at what it meets.
+is the line, or its end the rim's place, that looks at what it meets. An ellipsoid is the ball that
+touches it from inside where it is met: with the least radius of curvature it fits everywhere. The
+next way from its centre to what is met tells the next place, until they are the same (A. Lin,
+S.-P. Han, SIAM J. Optim. 13 (2002) 298-308).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -40,6 +43,7 @@ class Convex:
         radius: Around the core [m].
         axis: Of a round cylinder, (3,).
         girth: Radius of that cylinder [m].
+        radii: Half axes of an ellipsoid [m], (3,).
     """
 
     vertices: Floats
@@ -52,6 +56,7 @@ class Convex:
     radius: float
     axis: Floats | None = None
     girth: float = 0.0
+    radii: Floats | None = None
 
     @classmethod
     def of(cls, points: Floats, radius: float = 0.0) -> "Convex":
@@ -128,6 +133,12 @@ class Convex:
         )  # fmt: skip
 
     @classmethod
+    def ellipsoid(cls, radii: Floats) -> "Convex":
+        """An ellipsoid about the origin with half axes [m], (3,)."""
+        ball = cls.of(np.zeros((1, 3)), float(radii.min() ** 2 / radii.max()))
+        return replace(ball, radii=radii)
+
+    @classmethod
     def _made(
         cls, points: Floats, loops: list[Integers], normals: Floats, edges: Any, radius: float
     ) -> "Convex":
@@ -147,11 +158,15 @@ class Convex:
     @cached_property
     def reach(self) -> float:
         """How far it reaches from the origin of its axes [m]."""
+        if self.radii is not None:
+            return float(self.radii.max())
         return float(np.linalg.norm(self.vertices, axis=1).max()) + self.radius
 
     @property
     def thickness(self) -> float:
         """Least width through its middle [m]."""
+        if self.radii is not None:
+            return 2.0 * float(self.radii.min())
         inner = self.vertices.mean(axis=0)
         corners = self.vertices[self.loop[self.starts[:-1]]] if len(self.normals) else None
         width = np.zeros(0) if corners is None else ((corners - inner) * self.normals).sum(axis=1)
@@ -196,9 +211,13 @@ class Convex:
         Args:
             centre: Where the origin of its axes is [m], (3,).
             turn: Its rotation, (3, 3).
-            aim: Of a cylinder, along its axes, where one edge of the prism looks, (3,).
+            aim: Of a cylinder, along its axes, where one edge of the prism looks, (3,); of an
+                ellipsoid where it is met.
         """
         vertices, normals = self.vertices, self.normals
+        if aim is not None and self.radii is not None:
+            out = self.radii * aim
+            vertices = (self.radii * out / np.linalg.norm(out) - self.radius * aim)[None]
         if aim is not None and self.axis is not None:
             inner = vertices.mean(axis=0)
             spin = _turn(self.axis, vertices[0] - inner, aim)
@@ -217,13 +236,40 @@ class Convex:
         ends = inner + np.array([[-half], [half]]) * self.axis
         return Convex.of(ends, self.girth).placed(centre, turn)
 
+    @property
+    def aims(self) -> bool:
+        """Whether its core hangs on where it is met."""
+        return self.axis is not None or self.radii is not None
+
     def aim(self, n: Floats) -> Floats | None:
-        """Where the edge of a cylinder's prism looks that is lowest along a direction, (3,)."""
+        """Where the edge of a cylinder's prism looks that is lowest along a direction, (3,).
+
+        Of an ellipsoid the direction itself, down.
+        """
+        if self.radii is not None:
+            return -n
         if self.axis is None:
             return None
         down = (n @ self.axis) * self.axis - n
         length = float(np.linalg.norm(down))
         return _across(self.axis)[0] if length <= _LEVEL else down / length
+
+    def seen(self, aim: Floats, way: Floats) -> Floats:
+        """Its normal where a way leaves an ellipsoid from the ball that is aimed, (3,).
+
+        Where that is the way itself, nothing of it is nearer to what lies there.
+
+        Args:
+            aim: Where the ball touches it, along its axes, (3,).
+            way: Direction along its axes, (3,).
+        """
+        radii = np.asarray(self.radii)
+        scaled = radii * aim
+        start = scaled / np.linalg.norm(scaled) - self.radius * aim / radii
+        along = way / radii
+        a, b, c = along @ along, along @ start, start @ start - 1.0
+        out = (start + (np.sqrt(max(0.0, b * b - a * c)) - b) / a * along) / radii
+        return np.asarray(out / np.linalg.norm(out))
 
     def core(self, place: Floats, n: Floats) -> Floats:
         """The place that moves with the body, by one on its surface; the way between them does not.

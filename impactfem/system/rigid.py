@@ -383,6 +383,8 @@ def _carrier(body: RigidBody, part: Form, first: int, partners: set[str]) -> tup
 def convex_of(part: Form) -> Convex:
     """What edges and faces of others meet of a part of a body, from its centre."""
     nodes = part.nodes - part.centre
+    if len(part.radii):
+        return Convex.ellipsoid(part.radii)
     if len(part.rim):
         return Convex.cylinder(np.unique(nodes, axis=0), float(np.linalg.norm(part.rim[0])))
     return Convex.of(nodes, float(part.radius.max()))

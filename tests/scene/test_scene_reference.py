@@ -56,6 +56,7 @@ TABLES = {
     'shape = { kind = "cylinder" }': language.Cylinder,
     'shape = { kind = "sphere" }': language.Sphere,
     'shape = { kind = "capsule" }': language.Capsule,
+    'shape = { kind = "ellipsoid" }': language.Ellipsoid,
     'shape = { kind = "hull" }': language.Hull,
     "refine = [{ ... }]": language.Refinement,
     "springs = [{ ... }]": language.Spring,

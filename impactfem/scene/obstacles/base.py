@@ -154,9 +154,9 @@ class RigidObstacle:
         return np.empty((0, 2, 3))
 
     def meets_sides(self, body: Any) -> bool:
-        """Whether sides of a body in the plane meet its ridges, and not its corners alone."""
+        """Whether more of a body than corners meets it: sides its ridges, or what is curved."""
         there = body.dim == 2 and self.ridges is not None
-        return there and (body.is_convex or not self.meets_corners)
+        return body.is_curved or (there and (body.is_convex or not self.meets_corners))
 
     @property
     def corners(self) -> Floats | None:
