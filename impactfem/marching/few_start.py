@@ -31,25 +31,47 @@ PATIENCE = 5
 class FewAtRest:
     """Points, a rod or a beam; see `impactfem.marching.resting.Resting`."""
 
+    patience = PATIENCE
+
     def __init__(self, march: "FewMidpoint") -> None:
         """Take them where they are."""
-        bodies, q = march.bodies, march.coordinates.copy()
-        self.name, self.start, self._march, self._q = bodies.names[0], np.zeros(len(q)), march, q
-        self.patience = PATIENCE
-        self.size = extent(bodies.places(q), bodies.radius)
-        self._mass = bodies.system.mass(q)
-        rates, ways = _vibrations(self._stiffness(self.start), self._mass)
-        least = float(rates.max(initial=0.0)) * _FREE
-        fields = ways.T[rates <= least]
-        loads = np.vstack([bodies.weights.T @ fields.T, bodies.moments.T @ fields.T])
+        bodies, self._march, self._q = march.bodies, march, self._here(march)
+        self.name, self.start = bodies.names[0], np.zeros(len(self._q))
+        self.size = extent(bodies.places(march.coordinates), bodies.radius)
+        self._mass, weights, moments = self._weighed()
+        fields, stiff = self._free()
+        loads = np.vstack([weights.T @ fields.T, moments.T @ fields.T])
         mass, dim = float(sum(bodies.masses)), bodies.dim
         self.modes = RigidModes(MPI.COMM_SELF, fields, self._mass, loads, mass, dim)
         driven = np.abs(self.modes.along(self.residual(self.start)) @ fields).max(initial=0.0)
-        stiff = rates[rates > least]
         self._shift = max(_SOFT * float(stiff.min(initial=np.inf)) if len(stiff) else 0.0,
                           BOUND * driven / self.size, float(np.finfo(float).tiny))  # fmt: skip
         self._answer: Callable[[Floats], Floats] | None = None
         self._eased = 1.0
+
+    @staticmethod
+    def _here(march: "FewMidpoint") -> Floats:
+        """Its coordinates."""
+        return march.coordinates.copy()
+
+    def _weighed(self) -> tuple[Floats, Floats, Floats]:
+        """Mass (d, d), and momenta and angular momenta by unit rates, (d, dim) and (d, turns)."""
+        bodies = self._march.bodies
+        return bodies.system.mass(self._q), bodies.weights, bodies.moments
+
+    def _free(self) -> tuple[Floats, Floats]:
+        """Free motions of unit mass, (modes, d), and stiffnesses by mass of others [1/s^2]."""
+        rates, ways = _vibrations(self._stiffness(self.start), self._mass)
+        loose = rates <= float(rates.max(initial=0.0)) * _FREE
+        return ways.T[loose], rates[~loose]
+
+    def _jacobian(self, place: Floats) -> Floats:
+        """Of the places of the contact nodes, (nodes dim, d)."""
+        return self._march.bodies.jacobian(self._q + place)
+
+    def _follows(self) -> bool:
+        """Whether its tangent changes."""
+        return self._march.bodies.turning or not self._march.linear
 
     def _stiffness(self, place: Floats) -> Floats:
         march = self._march
@@ -69,12 +91,12 @@ class FewAtRest:
 
     def moved(self, place: Floats, change: Floats) -> Floats:
         """How they move by a change of the coordinates from a place [m], (count, dim)."""
-        jacobian = self._march.bodies.jacobian(self._q + place)
-        return np.asarray((jacobian @ change).reshape(-1, self._march.bodies.dim))
+        moved = self._jacobian(place) @ change
+        return np.asarray(moved.reshape(-1, self._march.bodies.dim))
 
     def pulled(self, forces: Floats, place: Floats) -> Floats:
         """Forces on the coordinates by those on the contact nodes (count, dim) at a place."""
-        return np.asarray(self._march.bodies.jacobian(self._q + place).T @ forces.ravel())
+        return np.asarray(self._jacobian(place).T @ forces.ravel())
 
     def residual(self, place: Floats) -> Floats:
         """Loads less internal forces at t = 0, without contact."""
@@ -84,7 +106,7 @@ class FewAtRest:
 
     def tangent(self, place: Floats) -> Callable[[Floats], Floats]:
         """What forces on the coordinates do, with mass that holds what is free."""
-        if self._answer is None or self._march.bodies.turning or not self._march.linear:
+        if self._answer is None or self._follows():
             held = self._eased * self._shift * self._mass if self.modes.count else 0.0
             inverse = np.linalg.inv(self._stiffness(place) + held)
             self._answer = lambda forces: np.asarray(inverse @ forces)

@@ -20,6 +20,7 @@ from impactfem.marching.few import FewInterior, FewMidpoint
 from impactfem.marching.finite import FiniteMidpoint
 from impactfem.marching.finite_body import FiniteBody
 from impactfem.marching.finite_leapfrog import FiniteLeapfrog
+from impactfem.marching.flexible_beam import FlexibleMidpoint
 from impactfem.marching.iterated import Iterated, Resolving
 from impactfem.marching.jointed import Jointed
 from impactfem.marching.jointed_newton import JointedNewton
@@ -63,7 +64,13 @@ if TYPE_CHECKING:
 _LAYERS = 100  # whose way tells how coordinates round
 
 type Marched = (
-    FewMidpoint | WaveBar | RigidMidpoint | MechanismMidpoint | NetMidpoint | PlateMidpoint
+    FewMidpoint
+    | WaveBar
+    | RigidMidpoint
+    | MechanismMidpoint
+    | NetMidpoint
+    | FlexibleMidpoint
+    | PlateMidpoint
 )
 """What marches bodies without meshes."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.marching.few import FewInterior, FewMidpoint
+from impactfem.marching.flexible_beam import FlexibleMidpoint
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import SolidScheme
@@ -190,6 +191,17 @@ def _of_beam(march: FewMidpoint, parts: BeamParts) -> LineLooks:
     return LineLooks(parts.beam.mass, parts.inertia, seen)
 
 
+def _of_flexible(march: FlexibleMidpoint) -> LineLooks:
+    """Of a beam that turns far; its sums tell how far."""
+    bodies = march.bodies
+
+    def seen() -> tuple[float, float | None, float | None]:
+        strain, volumes = bodies.fibres(march.frames)
+        return bodies.turned(march.frames), *strains(strain[None], volumes)
+
+    return LineLooks(bodies.masses[0], bodies.about_centre, seen)
+
+
 def _of_bar(march: WaveBar) -> LineLooks:
     """Of a bar, which does not turn."""
 
@@ -207,6 +219,8 @@ def _line_looks(few: Sequence[FewInterior]) -> dict[str, LineLooks]:
     for march in few:
         if isinstance(march, WaveBar):
             found[march.bodies.names[0]] = _of_bar(march)
+        elif isinstance(march, FlexibleMidpoint):
+            found[march.bodies.names[0]] = _of_flexible(march)
         elif isinstance(march, FewMidpoint) and march.bodies.beam is not None:
             found[march.bodies.names[0]] = _of_beam(march, march.bodies.beam)
     return found

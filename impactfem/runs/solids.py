@@ -19,6 +19,7 @@ from impactfem.log import Progress
 from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
 from impactfem.marching.few import FewMidpoint
+from impactfem.marching.flexible_beam import FlexibleMidpoint
 from impactfem.marching.mechanism import MechanismMidpoint
 from impactfem.marching.net import NetMidpoint
 from impactfem.marching.plate import PlateMidpoint
@@ -40,6 +41,7 @@ from impactfem.runs.solid_rows import SolidsMotion, solids_motion
 from impactfem.runs.solid_steps import planned_steps
 from impactfem.scene import Scene
 from impactfem.system.few import ElasticBar, FewBodies, Lumped
+from impactfem.system.flexible_beam import FlexibleBeam
 from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.mechanism import Arm
@@ -59,6 +61,7 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     Rigid: RigidMidpoint,
     Arm: MechanismMidpoint,
     Net: NetMidpoint,
+    FlexibleBeam: FlexibleMidpoint,
     PlateSystem: PlateMidpoint,
 }
 """How bodies without meshes are marched."""

@@ -73,7 +73,7 @@ def run(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress, saved: Che
     if model.beam is not None:
         turned = float(model.beam.angle(motion.position))
         text = f"the beam turns by {turned:.2g} rad, but rotations are linearised about the start"
-        remedy = "shorten the duration to the contact"
+        remedy = 'give the beam strain = "finite", or shorten the duration to the contact'
         name = model.beam.beam.name
         findings += by_limits("model_rotation", turned, ROTATION_LIMITS, text, name, remedy)
         bodies[name] = beam_figures(model.beam, motion.position, turned)
@@ -160,7 +160,7 @@ def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, A
     if model.beam is None or not isinstance(model.system, LinearSystem) or not touched:
         return {}
     beam = model.beam.beam
-    if beam.supports or beam.load is not None or any(scene.vector_gravity.values[0]):
+    if beam.supports or beam.is_loaded or any(scene.vector_gravity.values[0]):
         return {}
     found = contact_episode(model.beam, model.system, motion)
     return {"episode": asdict(found) | {"is_over": found.is_over}}

@@ -1,5 +1,6 @@
 """Scenes: what is modelled and how, read from TOML or made in Python; no finite elements."""
 
+from impactfem.scene.beam_loads import EndLoad
 from impactfem.scene.beam_supports import BeamSupport
 from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
@@ -63,6 +64,7 @@ __all__ = [
     "DiscOutline",
     "EdgeSupport",
     "Ellipsoid",
+    "EndLoad",
     "FacePressure",
     "Formula",
     "HalfSpace",

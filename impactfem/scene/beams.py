@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from impactfem.arrays import Floats
+from impactfem.scene.beam_loads import EndLoad
 from impactfem.scene.beam_supports import ENDS, BeamSupport, check_supports, first_root
 from impactfem.scene.body import JOINED, BodyKind, Solver
 from impactfem.scene.flight import Flight
@@ -28,6 +29,7 @@ from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
 THEORIES = ("euler_bernoulli", "timoshenko")
+STRAINS = ("small", "finite")
 CONTACTS = ("ends", "along")
 SHEAR_CORRECTION = 5.0 / 6.0
 """Share of a rectangular section that carries the shear force (Timoshenko)."""
@@ -112,7 +114,7 @@ class Beam(Slender):
 
     Its axis touches obstacles, with both ends or with all nodes; other bodies meet it as if it were
     round, half its height around the axis. Displacements and rotations from
-    the place at t = 0 are small.
+    the place at t = 0 are small, unless strain = "finite".
 
     Raises:
         SceneError: a value is missing or not allowed, the beam is too thick for its theory, its
@@ -144,6 +146,10 @@ class Beam(Slender):
         default=0.3,
     )
     theory: str = key(Choice(THEORIES), "bending without or with shear", default="euler_bernoulli")
+    strain: str | None = key(
+        Choice(STRAINS), "whether it may turn and bend as far as it likes; finite: at any angle",
+        default=None, absent="small",
+    )  # fmt: skip
     elements: int = key(Integer(1, 1000), "number of elements along the beam", default=16)
     center: Sequence[float] = key(Vector(), "centre at t = 0", unit="m")
     inclination: float = key(
@@ -197,9 +203,19 @@ class Beam(Slender):
         unit="N/m", default=None, absent="none",
     )  # fmt: skip
 
+    end_loads: Tables[EndLoad] = key(
+        ListOf(InlineTable((EndLoad,))), "forces and moments on ends that are not held", default=()
+    )
+
     def _check(self) -> None:
         _check_angle(self)
         self._check_dimension()
+        for index, pushed in enumerate(self.end_loads):
+            for name, count in (("force", self.dim), ("moment", 2 * self.dim - 3)):
+                given = getattr(pushed, name)
+                if given is not None and len(given) != count:
+                    text = f" has {len(given)} entries, in {self.dim} coordinates give {count}."
+                    raise KeyedError(self.kind, f"end_loads[{index}].{name}", text)
         for index, support in enumerate(self.supports):
             if support.motion is not None and len(support.motion) != self.dim:
                 text = (
@@ -229,12 +245,29 @@ class Beam(Slender):
     @property
     def solvers(self) -> tuple[Solver, Solver]:  # type: ignore[override]
         """Methods of few degrees of freedom take free beams in the plane."""
-        return ("march", "march") if self.in_space or self.supports else ("vibro", "vibro")
+        marched = self.in_space or self.supports or self.is_finite
+        return ("march", "march") if marched else ("vibro", "vibro")
 
     @property
     def has_coordinates(self) -> bool:  # type: ignore[override]
         """Methods of few degrees of freedom take beams that are held in the plane if asked for."""
-        return bool(self.supports) and not self.in_space and not self.moved_ends
+        held = bool(self.supports) and not self.in_space and not self.moved_ends
+        return held and not self.is_finite
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether it may turn and bend far."""
+        return self.strain == "finite"
+
+    @property
+    def small_strains(self) -> bool:  # type: ignore[override]
+        """Unless it is of finite strain."""
+        return not self.is_finite
+
+    @property
+    def turns_far(self) -> bool:
+        """Under finite strain."""
+        return self.is_finite
 
     @property
     def loads(self) -> tuple[tuple[Floats, Formula], ...]:
@@ -245,16 +278,42 @@ class Beam(Slender):
         return tuple((along, load) for along, load in each if load.used or load())
 
     @property
+    def pushes(self) -> tuple[tuple[int, int, Formula], ...]:
+        """Forces and moments on ends: which end, component of six in space, and formula."""
+        return tuple(
+            (ENDS.index(pushed.end), first + k, formula)
+            for pushed in self.end_loads
+            for first, given in ((0, pushed.force), (6 - (2 * self.dim - 3), pushed.moment))
+            for k, formula in enumerate(given or ())
+            if formula.used or formula()
+        )
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether loads act on it."""
+        return self.load is not None or bool(self.end_loads)
+
+    @property
     def moved_ends(self) -> tuple[BeamSupport, ...]:
         """Supports that move."""
         return tuple(support for support in self.supports if support.motion is not None)
 
     @property
+    def jointed_ends(self) -> tuple[BeamSupport, ...]:
+        """Supports that are joints with the ground: they move, or let an end turn far in space."""
+        hinged = self.is_finite and self.in_space
+        return tuple(
+            support
+            for support in self.supports
+            if support.motion is not None or (hinged and support.holds == (True, False))
+        )
+
+    @property
     def own_joints(self) -> tuple[Joint, ...]:
-        """Joints by which moved ends are held: they see the ground move."""
+        """Joints by which ends are held, which may see the ground move."""
         one, two = self.frame[-2:].tolist()
         found = []
-        for support in self.moved_ends:
+        for support in self.jointed_ends:
             turns: dict[str, Any] = {"kind": "fixed"}
             if not support.holds[1]:
                 turns = {"kind": "revolute"}
@@ -340,7 +399,7 @@ class Beam(Slender):
     @property
     def flight(self) -> Flight | None:
         """How it flies; None if damping brakes its fall, a load acts, or an end is held."""
-        if self.rayleigh_damping[0] or self.supports or self.load is not None:
+        if self.rayleigh_damping[0] or self.supports or self.is_loaded:
             return None
         return Flight((self.length / 2,) * self.dim, self.center, tuple(self.rates[: self.dim]))
 

@@ -30,30 +30,39 @@ class BeamLoad:
         places: X of Gauss's points [m], (points,).
         shapes: Displacements there along each load by the coordinates, (loads, points, d).
         weights: [m], (points,).
+        pushes: Forces and moments on ends, in t, and displacements or turns there, (d,).
     """
 
     formulas: tuple[Formula, ...]
     places: Floats
     shapes: Floats
     weights: Floats
+    pushes: tuple[tuple[Formula, Floats], ...] = ()
 
     @classmethod
     def of(cls, parts: BeamParts) -> Self | None:
         """Those of a beam; None if it has none."""
-        if not (loads := parts.beam.loads):
+        beam = parts.beam
+        loads, pushes = beam.loads, beam.pushes
+        if not (loads or pushes):
             return None
         nodes = parts.nodes
         halves, middles = 0.5 * np.diff(nodes), 0.5 * (nodes[1:] + nodes[:-1])
         places = (middles[:, None] + halves[:, None] * _GAUSS[0]).ravel()
         moved = np.array([parts.section(s)[: parts.beam.dim] for s in places])
         shapes = np.array([np.einsum("k,gkd->gd", along, moved) for along, _ in loads])
+        shapes = shapes.reshape(len(loads), *moved.shape[::2])
+        at_ends = [parts.section(s) for s in (nodes[0], nodes[-1])]
+        ends = tuple((formula, at_ends[end][row]) for end, row, formula in pushes)
         weights = (halves[:, None] * _GAUSS[1]).ravel()
-        return cls(tuple(formula for _, formula in loads), places - nodes[0], shapes, weights)
+        found = tuple(formula for _, formula in loads)
+        return cls(found, places - nodes[0], shapes, weights, ends)
 
     @property
     def is_dead(self) -> bool:
         """Whether they stay in time, and as the beam bends."""
-        return not any(formula.used & {"t", "u"} for formula in self.formulas)
+        each = (*self.formulas, *(formula for formula, _ in self.pushes))
+        return not any(formula.used & {"t", "u"} for formula in each)
 
     def mean(self, start: float, end: float, q: Floats, _: Floats | None = None) -> Floats:
         """Mean forces from one time to another at a deflection, (d,).
@@ -61,7 +70,7 @@ class BeamLoad:
         Raises:
             KeyedError: A load has no finite value there.
         """
-        found = np.zeros(self.shapes.shape[2])
+        found = np.zeros_like(q)
         for formula, shapes in zip(self.formulas, self.shapes, strict=True):
             bent = shapes @ q
             load = self._mean(formula, start, end, bent)
@@ -73,6 +82,12 @@ class BeamLoad:
                 text += "finite wherever the beam may be, or an obstacle that stops it before"
                 raise KeyedError("beam", "load", f"{text}.")
             found += (self.weights * load) @ shapes
+        for formula, moves in self.pushes:
+            push = float(mean_of(formula, start, end))
+            if not np.isfinite(push):
+                text = f" = {show(formula.text)} has no finite value at t = {start:.6g} s."
+                raise KeyedError("beam", "end_loads", text)
+            found += push * moves
         return found
 
     def _mean(self, formula: Formula, start: float, end: float, bent: Floats) -> Floats:
@@ -88,7 +103,9 @@ class BeamLoad:
     def stops(self, end: float) -> list[Break]:
         """Where they change in time, up to an end [s]."""
         middle = float(self.places[len(self.places) // 2])
-        return [s for f in self.formulas for s in stops_of(f.fixed(x=middle, u=0.0), end)]
+        along = [formula.fixed(x=middle, u=0.0) for formula in self.formulas]
+        each = (*along, *(formula for formula, _ in self.pushes))
+        return [s for formula in each for s in stops_of(formula, end)]
 
 
 @dataclass(frozen=True)

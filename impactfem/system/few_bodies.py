@@ -11,6 +11,7 @@ from impactfem.scene import Bar, Beam, Mechanism, Plate, Point, RigidBody, Rod, 
 from impactfem.system.beam_load import BeamForces, BeamLoad
 from impactfem.system.beam_parts import beam_parts
 from impactfem.system.few import ElasticBar, FewBodies, Lumped, rigid_in_plane
+from impactfem.system.flexible_beam import flexible_beam
 from impactfem.system.frequency import highest_frequency
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.mechanism import mechanism_system
@@ -209,7 +210,7 @@ _NO_LINES = np.zeros((0, 2), dtype=np.int64)
 _MAKERS: Mapping[type, Callable[[Scene, list[Any]], Sequence[FewBodies]]] = {
     Point: lambda scene, points: [_of_points(scene, points)],
     Rod: lambda _, rods: list(map(_of_rod, rods)),
-    Beam: lambda _, beams: list(map(_of_beam, beams)),
+    Beam: lambda _, beams: [flexible_beam(b) if b.is_finite else _of_beam(b) for b in beams],
     RigidBody: rigid_systems,
     Mechanism: lambda scene, bodies: [mechanism_system(scene, body) for body in bodies],
     SpringNet: lambda scene, nets: [net_system(scene, net) for net in nets],

@@ -42,6 +42,7 @@ TABLES = {
     "[output]": Output,
     "supports = [{ ... }]": Support,
     "supports = [{ end = ... }]": language.BeamSupport,
+    "end_loads = [{ end = ... }]": language.EndLoad,
     "supports = [{ edge = ... }]": language.EdgeSupport,
     "tractions = [{ ... }]": language.Traction,
     "pressures = [{ ... }]": language.Pressure,

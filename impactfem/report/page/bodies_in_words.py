@@ -278,7 +278,8 @@ def _beam(_: Scene, beam: Any) -> str:
     text = (
         f"An elastic beam, {held or 'free'}, {size} and {quantity(beam.width, 'm')} wide; "
         f"{_beam_axis(beam)}{_slender_state(beam)}."
-        f" {theory} theory on {counted(beam.elements, 'element')}: Young's modulus "
+        f" {theory} theory{' at any rotation' * beam.is_finite} on "
+        f"{counted(beam.elements, 'element')}: Young's modulus "
         f"{quantity(beam.youngs_modulus, 'Pa')}{shear}, density "
         f"{quantity(beam.density, 'kg/m³')}; its mass is {quantity(beam.mass, 'kg')}. {touch} "
         "obstacles."

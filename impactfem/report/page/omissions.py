@@ -54,6 +54,8 @@ def _few_freedoms(scene: Scene) -> list[str]:
     """Of points, rods and beams, each kind that the scene has."""
     kinds = dict.fromkeys(body.kind for body in scene.bodies)
     found = [text for kind in _LEFT_OUT if kind in kinds for text in _LEFT_OUT[kind]]
+    if any(body.kind == "beam" and body.small_strains for body in scene.bodies):
+        found.append("Large rotations of beams: displacements are small about the place at t = 0.")
     found += _plates(scene)
     if found and not scene.meshed:
         found.append(_INSTANT)
@@ -92,7 +94,6 @@ _LEFT_OUT = {
     "rigid": ["Elasticity of rigid bodies: they have no waves, an impact is an instant."],
     "springs": ["What lies between the springs: masses and edges touch, cells are empty."],
     "beam": [
-        "Large rotations of beams: displacements are small about the place at t = 0.",
         "Local indentation of beams: the contact itself is rigid.",
         "Corners of beams: others meet them as round, half their height around the axis.",
     ],
