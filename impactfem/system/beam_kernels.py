@@ -39,7 +39,6 @@ TERMS = 9
 _G = np.cumprod(np.array([1.0, *(2.0 * n / (2.0 * n + 1.0) for n in range(1, TERMS + 1))]))
 _P = 0.25 * np.cumsum(_G[1:])
 _STEP = 1e-30  # imaginary step of derivatives
-_FREE = np.zeros(0)
 _NONE = float(np.finfo(float).tiny)
 
 
@@ -231,7 +230,18 @@ def resistance(
         for side in range(2):
             node = sides[e, side]
             _gather(node, moved, turned, way, after, rest_frame, side, here, there, middle, amid)
-        push(elements[e], before[e], here, there, middle, amid, viscous / span, _FREE, work, own)
+        push(
+            elements[e],
+            before[e],
+            here,
+            there,
+            middle,
+            amid,
+            viscous / span,
+            np.zeros(0),
+            work,
+            own,
+        )
         for side in range(2):
             if sides[e, side] >= 0:
                 for i in range(6):
@@ -327,7 +337,7 @@ def tangent(
                     middle,
                     amid,
                     viscous / span,
-                    _FREE,
+                    stresses[e],
                     work,
                     own,
                 )
@@ -360,7 +370,18 @@ def foreseen_in_step(
                 turn[i] = way[node, 3 + i] + 1j * _STEP * change[node, 3 + i]
             turn_by(turn, turned[node], frame)
             there[side] = frame
-        push(elements[e], before[e], here, there, middle, amid, viscous / span, _FREE, work, own)
+        push(
+            elements[e],
+            before[e],
+            here,
+            there,
+            middle,
+            amid,
+            viscous / span,
+            np.zeros(0),
+            work,
+            own,
+        )
         for i in range(6):
             out[e, i] = work[40 + i].real + work[40 + i].imag / _STEP
 
@@ -465,7 +486,7 @@ def standing(data, sides, springs, moved, turned, rest_frame, stresses, force, s
             middle[:], amid[:] = here, there
             invariants(data[e, :3], data[e, 3], here, there, state)
             if step == 0:
-                push(data[e], state, here, there, middle, amid, 0.0, _FREE, work, own)
+                push(data[e], state, here, there, middle, amid, 0.0, np.zeros(0), work, own)
                 for on in range(2):
                     if sides[e, on] >= 0:
                         for i in range(6):
