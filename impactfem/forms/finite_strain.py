@@ -11,7 +11,7 @@ the idea: J. C. Simo, N. Tarnow, ZAMP 43 (1992) 757-792; O. Gonzalez, Comput. Me
 Eng. 190 (2000) 1763-1783, whose quotient by dC : dC the laws below do without.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -132,6 +132,32 @@ class PointLaw(Protocol):
     across: Any
 
 
+class Memory(Protocol):
+    """What Maxwell terms remember: see `impactfem.system.point_memory.PointMemory`."""
+
+    @property
+    def shares(self) -> Sequence[Any]:
+        """Of each term in the stiffness."""
+
+    @property
+    def weights(self) -> Sequence[Any]:
+        """Of what each has amid a step."""
+
+    @property
+    def kept(self) -> Sequence[Any]:
+        """What each keeps from the start of a step, components in space."""
+
+    def pressures(self, swept: Any) -> Any:
+        """By changes of the mean dilatation of cells amid a step, over the bulk moduli."""
+
+    @property
+    def stiffening(self) -> Any:
+        """Their derivatives by these changes."""
+
+    def stored(self, moduli: Any) -> float:
+        """Energy of the mean dilatation by moduli times volumes [J]."""
+
+
 @dataclass(frozen=True)
 class FiniteForms:
     """UFL forms of a body under finite strain.
@@ -145,6 +171,7 @@ class FiniteForms:
         local: lambda at points [Pa], of bodies only some cells of which keep their volume in the
             mean; None: that of small strains, or what `pressing` leaves of it.
         damped: Share of the viscosity, of bodies of several materials.
+        memory: Of bodies with Maxwell terms; else None.
         pressing: Of nearly incompressible bodies, whose lambda' is asked of the mean of J in each
             cell: the pressure p there [Pa], by which S gains p dJ/dE; else None. See
             `impactfem.system.mean_dilatation`.
@@ -157,6 +184,7 @@ class FiniteForms:
     pressing: Any = None
     local: Any = None
     damped: Any = 1.0
+    memory: Memory | None = None
 
     def energy(self, displacement: Any) -> Any:
         """Functional W [J] of laws with forms, without what means of cells have of it."""
@@ -174,10 +202,29 @@ class FiniteForms:
         change = ufl.sym(mean.T * self._gradient(moved))
         stress = self._stress(before, after, change)
         stress += self.viscosity * self.damped * self._linear(change)
+        for share, weight, kept in self._terms:
+            amid = symmetric(kept, _size(change)) + 0.5 * change
+            stress += share * weight * self._linear(amid)
         density = ufl.inner(mean * stress, self._gradient(v))
         if self.pressing is not None:
             density += self.pressing * self.swept(before, after, v)
         return self.elastic.measured(density)
+
+    @property
+    def _terms(self) -> Iterable[tuple[Any, Any, Any]]:
+        """Share, weight and r at the start of the step of each Maxwell term."""
+        if self.memory is None:
+            return ()
+        return zip(self.memory.shares, self.memory.weights, self.memory.kept, strict=True)
+
+    def remembered(self) -> Any:
+        """Functional of the energy of Maxwell terms [J], but for what means of cells have of it."""
+        size = 3 if self.elastic.model in {"axisymmetric", "3d"} else 2
+        total = 0.0 * self.elastic.shear_modulus
+        for share, _, kept in self._terms:
+            strain = symmetric(kept, size)
+            total += 0.5 * share * ufl.inner(self._linear(strain), strain)
+        return self.elastic.measured(total)
 
     def _linear(self, change: Any) -> Any:
         """Stress of a strain by small strains [Pa], but for what means of cells have of it."""

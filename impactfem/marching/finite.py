@@ -12,6 +12,7 @@ momentum are kept to rounding in flight, and in contact as far as its law does
 (`impactfem.marching.newton_march`). Each step is solved by Newton's method.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -325,6 +326,14 @@ class FiniteMidpoint(FiniteBody):
         """What the next layer needs."""
         moved = {"displacement": self.displacement.copy(), "velocity": self.velocity.copy()}
         return moved | self._strain.state()
+
+    def memory(self) -> dict[str, Floats]:
+        """What it needs besides, the same on all ranks (collective)."""
+        return self._strain.memory()
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        self._strain.remember(memory)
 
     def straining(self, static: Floats) -> Floats:
         """Displacement whose elastic stress is that of the body, as a new array."""

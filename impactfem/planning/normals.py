@@ -47,6 +47,8 @@ def _finite(model: "SolidsModel") -> str:
     for part in model.parts:
         if part.solid.is_finite:
             return f"updated: {part.solid.name} may turn at will, distances follow its nodes"
+        if why := part.solid.why_iterated:
+            return f"updated: {part.solid.name} {why}, and distances follow its nodes"
     return ""
 
 

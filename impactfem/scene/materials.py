@@ -61,7 +61,7 @@ class Material:
     )  # fmt: skip
     viscoelastic: MaybeTable[KelvinVoigt | Maxwell] = key(
         InlineTable(tuple(VISCOELASTIC)),
-        'how it creeps, by "kelvin_voigt"; unlike in each group: under finite strain',
+        "how it creeps and relaxes",
         default=None,
         absent=_OF_BODY,
     )

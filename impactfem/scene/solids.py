@@ -365,13 +365,15 @@ class Solid(BodyKind):
 
     @property
     def why_iterated(self) -> str:
-        """Finite strain."""
-        return "has finite strain" if self.is_finite else ""
+        """Finite strain, or materials that creep each in its own way."""
+        if self.is_finite:
+            return "has finite strain"
+        return "has materials that creep each in its own way" if self.creeps_unlike else ""
 
     @property
     def meets_itself(self) -> bool:
         """Whether it may bend into itself: the plan takes finite strain where none is said."""
-        return self.is_finite or (self.strain is None and not self.relaxing)
+        return self.is_finite or self.strain is None
 
     @property
     def keeps_volume(self) -> bool:
@@ -401,12 +403,23 @@ class Solid(BodyKind):
 
     @property
     def relaxing(self) -> tuple[tuple[float, float], ...]:
-        """Of each Maxwell term what it adds to the elasticity, as a share, and its time [s]."""
+        """Of each Maxwell term what it adds to the elasticity, as a share, and its time [s].
+
+        Of several materials the terms of all, which each has in its own cells.
+        """
+        if self.materials:
+            return tuple(term for each in self.of_groups.values() for term in each.relaxing)
         law = self.viscoelastic
         if not isinstance(law, Maxwell):
             return ()
         modulus = self.orthotropic.e1 if self.orthotropic else self.youngs_modulus
         return tuple((term.modulus / modulus, term.time) for term in law.terms)
+
+    @property
+    def creeps_unlike(self) -> bool:
+        """Whether its materials relax or are retarded, and not all alike."""
+        each = {(one.relaxing, one.rayleigh_stiffness) for one in self.of_groups.values()}
+        return len(each) > 1 or any(terms for terms, _ in each)
 
     @property
     def retardation(self) -> float:
@@ -415,7 +428,7 @@ class Solid(BodyKind):
         return max(solid.rayleigh_stiffness for solid in each)
 
     @property
-    def _at_once(self) -> float:
+    def at_once(self) -> float:
         """Elasticity at once over that which is left after long."""
         return 1.0 + sum(share for share, _ in self.relaxing)
 
@@ -446,7 +459,7 @@ class Solid(BodyKind):
             modulus = self.youngs_modulus / ((1.0 - nu) * (1.0 + nu))
         else:
             modulus = self.lame + 2.0 * self.shear_modulus
-        return math.sqrt(self._at_once * modulus / self.density)
+        return math.sqrt(self.at_once * modulus / self.density)
 
     @property
     def s_wave_speed(self) -> float:
@@ -454,7 +467,7 @@ class Solid(BodyKind):
         modulus = self.shear_modulus
         if self.orthotropic:
             _, modulus = self.orthotropic.wave_moduli(self.model)
-        return math.sqrt(self._at_once * modulus / self.density)
+        return math.sqrt(self.at_once * modulus / self.density)
 
     @property
     def surface_names(self) -> tuple[str, ...] | None:

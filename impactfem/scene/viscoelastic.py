@@ -1,8 +1,9 @@
-"""How solids creep and relax at small strain: laws that scale their whole elasticity."""
+"""How solids creep and relax: laws that scale their whole elasticity at small strains."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from impactfem.scene.formula import Formula
 from impactfem.scene.given import Tables
 from impactfem.scene.inline import InlineTable, ListOf
 from impactfem.scene.kinds import Real
@@ -72,7 +73,6 @@ def check_viscoelastic(solid: "Solid") -> None:
     Raises:
         KeyedError: naming the key.
     """
-    _check_groups(solid)
     law = solid.viscoelastic
     if law is None:
         return
@@ -83,32 +83,7 @@ def check_viscoelastic(solid: "Solid") -> None:
             raise KeyedError(solid.kind, "rayleigh_stiffness", text)
         object.__setattr__(solid, "rayleigh_stiffness", law.time)
         return
-    if solid.is_finite:
-        text = ' = { kind = "maxwell" } is a law of small strains, which do not turn with the body:'
-        text += ' give strain = "small" and material = "linear", or damp it by rayleigh_stiffness.'
-        raise KeyedError(solid.kind, "viscoelastic", text)
-    if solid.materials or not isinstance(solid.youngs_modulus, float | int):
+    if isinstance(given := getattr(solid, "youngs_modulus"), Formula):  # noqa: B009  (as read)
         text = ".terms have moduli beside one youngs_modulus, and that of the body is "
-        what = "given by materials" if solid.materials else show(str(solid.youngs_modulus))
-        raise KeyedError(solid.kind, "viscoelastic", f"{text}{what}: give one number.")
-
-
-def _check_groups(solid: "Solid") -> None:
-    """Refuse terms of single groups, and times of groups that steps do not take.
-
-    Raises:
-        KeyedError: naming the key.
-    """
-    for name, material in solid.materials.items():
-        if isinstance(material.viscoelastic, Maxwell):
-            text = ' = { kind = "maxwell" } scales the elasticity of a whole body: give the group '
-            text += 'kind = "kelvin_voigt", or make it a body with a mesh file of its own.'
-            raise KeyedError(solid.kind, f"materials.{name}.viscoelastic", text)
-    given = [name for name, each in solid.materials.items() if each.viscoelastic is not None]
-    if given and not solid.is_finite:
-        times = {each.rayleigh_stiffness for each in solid.of_groups.values()}
-        if len(times) > 1:
-            text = f" makes times of retardation of {', '.join(f'{t:g}' for t in sorted(times))} s "
-            text += "in one body, and linear steps of small strain take one: give all groups the "
-            text += 'same, or strain = "finite".'
-            raise KeyedError(solid.kind, f"materials.{given[0]}.viscoelastic", text)
+        text += f"{show(given.text)}: give one number, or materials."
+        raise KeyedError(solid.kind, "viscoelastic", text)

@@ -259,7 +259,7 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
         velocity=velocity,
         rayleigh_mass=solid.rayleigh_mass,
         rayleigh_stiffness=solid.retardation,
-        relaxation=Relaxation.of(solid.relaxing),
+        relaxation=Relaxation.of(() if solid.creeps_unlike else solid.relaxing),
         fields=NodalFields(nodes, forms, partial(shown, nodes, forms, solid)),
         axisymmetric=axisymmetric,
     )

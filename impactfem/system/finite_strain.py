@@ -17,13 +17,15 @@ from impactfem.system.materials import constants_of, materials_of
 from impactfem.system.matrices import body_forms
 from impactfem.system.mean_dilatation import CondensedMatrix, MeanDilatation
 from impactfem.system.nodes import Nodes
+from impactfem.system.point_memory import PointMemory
 from impactfem.system.point_stress import PointStress
 from impactfem.system.step_solvers import RenewedSolver
 
 
 def finite_forms(
-    nodes: Nodes, forms: ElasticForms, solid: Any, viscosity: Any = 0.0
-) -> FiniteForms:
+    nodes: Nodes, forms: ElasticForms, solid: Any, viscosity: Any = 0.0,
+    memory: PointMemory | None = None,
+) -> FiniteForms:  # fmt: skip
     """Forms of a solid with ``strain = "finite"``, by those that linear elasticity has of it."""
     cells = dolfinx_fem.functionspace(forms.space.mesh, ("Discontinuous Lagrange", 0))
     pressing = dolfinx_fem.Function(cells) if solid.keeps_volume else None
@@ -31,11 +33,12 @@ def finite_forms(
     if not solid.materials:
         # A number where it is 0: the compiled code has no more terms than it needs.
         c01 = dolfinx_fem.Constant(forms.space.mesh, solid.c01) if solid.c01 else 0.0
-        return FiniteForms(forms, law, c01, viscosity, pressing)
+        return FiniteForms(forms, law, c01, viscosity, pressing, memory=memory)
     made, material = constants_of(nodes, solid), materials_of(nodes, solid)
     local = made(material.local) if solid.keeps_volume else None
     damped = made(material.damped)
-    return FiniteForms(forms, law, made(material.c01), viscosity, pressing, local, damped)
+    c01 = made(material.c01)
+    return FiniteForms(forms, law, c01, viscosity, pressing, local, damped, memory)
 
 
 def _law(nodes: Nodes, forms: ElasticForms, solid: Any) -> type[Law] | PointStress:
@@ -112,7 +115,9 @@ class FiniteStrain:
         space = nodes.space
         self._comm = nodes.comm
         self._viscosity = dolfinx_fem.Constant(space.mesh, 0.0)
-        forms = finite_forms(nodes, body_forms(nodes, solid), solid, self._viscosity)
+        elastic = body_forms(nodes, solid)
+        self._memory = PointMemory(nodes, solid, elastic.degree) if solid.relaxing else None
+        forms = finite_forms(nodes, elastic, solid, self._viscosity, self._memory)
         self._before, self._after = dolfinx_fem.Function(space), dolfinx_fem.Function(space)
         self._mean = mean_dilatation(nodes, forms, solid, self._before, self._after)
         self._points = _points(forms)
@@ -127,14 +132,31 @@ class FiniteStrain:
         tangent = ufl.derivative(force, self._after) + self._stiffening
         self._tangent = fem.compile_form(tangent)
         self._energy = fem.compile_form(forms.energy(self._after))
+        self._remembered = None if self._memory is None else fem.compile_form(forms.remembered())
         self._inverted = fem.compile_form(forms.inverted(self._after))
 
     def retard(self, retardation: float, step: float) -> None:
         """Take a time of retardation (Kelvin and Voigt) and a time step [s] from now on."""
         self._viscosity.value = retardation / step
+        if self._memory is not None:
+            self._memory.begin(step)
 
     def settle(self, before: Floats, after: Floats) -> None:
-        """Nothing: it remembers nothing."""
+        """Take Maxwell terms to the end of a step (collective)."""
+        if self._memory is None:
+            return
+        self._put_both(before, after, slopes=False)
+        swept = None if self._mean is None else self._mean.swept()
+        self._memory.settle(self._before, self._after, swept)
+
+    def memory(self) -> dict[str, Floats]:
+        """What it remembers at points, the same on all ranks (collective)."""
+        return {} if self._memory is None else self._memory.memory()
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        if self._memory is not None:
+            self._memory.remember(memory)
 
     def straining(self, displacement: Floats) -> Floats:
         """The displacement itself."""
@@ -229,6 +251,8 @@ class FiniteStrain:
         """Elastic energy of the cells of this rank [J] (collective)."""
         self._put(self._after, displacement)
         cells = 0.0 if self._mean is None else self._mean.energy()
+        if self._remembered is not None:
+            cells += float(dolfinx_fem.assemble_scalar(self._remembered))
         if self._points is not None:
             return cells + self._points.energy(self._after)
         return cells + float(dolfinx_fem.assemble_scalar(self._energy))

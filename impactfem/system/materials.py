@@ -35,7 +35,7 @@ class CellMaterials:
         linear: Whether the law is linear.
         keeps: Whether the volume is kept in the mean of the cell only.
         damped: Time of retardation as a share of the longest of the body.
-        stiffest: Density times the square of the speed of the fastest waves [Pa].
+        stiffest: Density times the square of the speed of the fastest waves, at once [Pa].
         whole: Stress by strain in space [Pa], (cells, 6, 6), as `OrthotropicSolid.stiffness`, of
             bodies that are orthotropic somewhere; of others (cells, 0, 0).
         terms: Of Ogden's law, mu [Pa], alpha and beta of each, (cells, 3 terms); mu = 0: no term.
@@ -119,23 +119,22 @@ def materials_of(nodes: Nodes, solid: Any) -> CellMaterials:
 def _with_waves(found: list[Any], solid: Any, groups: Mapping[str, Any]) -> CellMaterials:
     """Constants with what follows from them, and the stiffness of orthotropic bodies."""
     count = len(found[0])
-    each = {name: (solid.of_groups[name] if name else solid).spectral for name in groups}
-    terms = np.zeros((count, 3 * max(map(len, each.values()))))
-    for name, own in groups.items():
-        terms[own, : 3 * len(each[name])] = np.ravel(each[name])
+    each = {name: solid.of_groups[name] if name else solid for name in groups}
+    terms = np.zeros((count, 3 * max(len(one.spectral) for one in each.values())))
     made = CellMaterials(*(*found, np.zeros(0), np.zeros((count, 0, 0)), terms))
-    stiffest = _pressing(made, solid.model)
-    if not solid.is_orthotropic:
-        return replace(made, stiffest=stiffest)
-    whole = np.zeros((len(stiffest), 6, 6))
-    whole[:, :3, :3] = made.lame[:, None, None]
-    for i in range(3):
-        whole[:, i, i] += 2.0 * made.shear
-        whole[:, i + 3, i + 3] = made.shear
-    for name, own in groups.items():
-        law = (solid.of_groups[name] if name else solid).orthotropic
+    stiffest, whole = np.array(_pressing(made, solid.model)), made.whole
+    if solid.is_orthotropic:
+        whole = np.zeros((count, 6, 6))
+        whole[:, :3, :3] = made.lame[:, None, None]
+        for i in range(3):
+            whole[:, i, i] += 2.0 * made.shear
+            whole[:, i + 3, i + 3] = made.shear
+    for name, one in each.items():
+        own, law = groups[name], one.orthotropic
+        terms[own, : 3 * len(one.spectral)] = np.ravel(one.spectral)
         if law is not None:
             whole[own], stiffest[own] = law.stiffness, law.wave_moduli(solid.model)[0]
+        stiffest[own] *= one.at_once
     return replace(made, stiffest=stiffest, whole=whole)
 
 
@@ -180,6 +179,29 @@ class _Means:
             )
         found: Floats = (weights * values).sum(axis=1) / weights.sum(axis=1)
         return found
+
+
+def relaxing_of(nodes: Nodes, solid: Any) -> tuple[Floats, Floats]:
+    """Times of relaxation of the Maxwell terms of a body, and what share each cell has of them.
+
+    Args:
+        nodes: Nodes of the body.
+        solid: The body.
+
+    Returns:
+        Times [s], (terms,), and shares, (terms, cells).
+    """
+    topology = nodes.space.mesh.topology
+    cells = topology.index_map(topology.dim)
+    groups = nodes.groups if solid.materials else {"": slice(None)}
+    each = {name: (solid.of_groups[name] if name else solid).relaxing for name in groups}
+    every = solid.of_groups.values() if solid.materials else (solid,)
+    times = sorted({time for one in every for _, time in one.relaxing})
+    shares = np.zeros((len(times), cells.size_local + cells.num_ghosts))
+    for name, own in groups.items():
+        for share, time in each[name]:
+            shares[times.index(time), own] += share
+    return np.array(times), shares
 
 
 def law_rows(material: CellMaterials, solid: Any, first: Floats) -> Floats:
@@ -249,14 +271,15 @@ def stand_ins(nodes: Nodes, solid: Any) -> StandIns:
     )
     speed = np.sqrt(each.stiffest / each.density)
     # Pressure in cells that keep their volume is levelled out by waves that steps do not follow.
-    leading = np.where(each.keeps, np.sqrt(each.shear / each.density), speed)
+    shear = each.shear * each.stiffest / _pressing(each, solid.model)
+    leading = np.where(each.keeps, np.sqrt(shear / each.density), speed)
 
     def alike(keys: Floats) -> Any:
         """The body of the material for which keys are least, the same on all ranks."""
         best = int(np.argmin(keys)) if own else 0
         mine = None
         if own:
-            # Of orthotropic cells waves count.
+            # Of orthotropic cells waves count, and of those that relax what they are at once.
             modulus = each.modulus[best] * (each.stiffest / _pressing(each, solid.model))[best]
             numbers = keys[best], each.density[best], modulus, each.ratio[best]
             mine = (*(float(f"{value:.9g}") for value in numbers), bool(each.linear[best]))
@@ -265,7 +288,7 @@ def stand_ins(nodes: Nodes, solid: Any) -> StandIns:
         return replace(
             solid, materials={}, density=density, youngs_modulus=modulus, poisson_ratio=ratio,
             rayleigh_stiffness=solid.retardation,
-            viscoelastic=solid.viscoelastic if solid.relaxing else None,
+            viscoelastic=None,
             orthotropic=None, material=law, c10=None, c01=None, bulk_modulus=None, terms=(),
             strain="finite" if solid.is_finite else "small",
         )  # fmt: skip

@@ -40,7 +40,7 @@ class BodyMatrices:
                 matrix.destroy()
 
 
-def body_forms(nodes: Nodes, solid: Any) -> ElasticForms:
+def body_forms(nodes: Nodes, solid: Any, share: Floats | None = None) -> ElasticForms:
     """Weak forms of a solid (collective).
 
     Of one material they have constants, so that compiled code serves all such bodies, of several
@@ -49,15 +49,17 @@ def body_forms(nodes: Nodes, solid: Any) -> ElasticForms:
     Args:
         nodes: Nodes of the body.
         solid: `impactfem.scene.solids.Solid`.
+        share: Of the stiffness of each cell, (cells,); None: all of it.
 
     Raises:
         SceneError: A formula of the material has a value that is not positive.
     """
     material, made = materials_of(nodes, solid), constants_of(nodes, solid)
-    nu, mu = material.ratio, material.shear
+    every = np.ones(len(material.ratio)) if share is None else share
+    nu, mu = material.ratio, material.shear * every
     flat = solid.model == "plane_stress"
     # 2 lambda mu / (lambda + 2 mu) = 2 mu nu / (1 - nu) without the cancellation near nu = 1/2.
-    first = 2.0 * mu * nu / (1.0 - nu) if flat else material.lame
+    first = 2.0 * mu * nu / (1.0 - nu) if flat else material.lame * every
     several = solid.materials and solid.keeps_volume
     return ElasticForms(
         space=nodes.space,
@@ -68,8 +70,10 @@ def body_forms(nodes: Nodes, solid: Any) -> ElasticForms:
         shear_modulus=made(mu),
         across=made(-nu / (1.0 - nu)),
         thickness=dolfinx_fem.Constant(nodes.space.mesh, float(solid.thickness)),
-        kept=made(np.where(material.keeps, 1.0, 0.0)) if several else None,
-        whole=made(seen_by(material.whole, solid.model)) if solid.is_orthotropic else None,
+        kept=made(np.where(material.keeps & (every > 0.0), 1.0, 0.0)) if several else None,
+        whole=made(every[:, None, None] * seen_by(material.whole, solid.model))
+        if solid.is_orthotropic
+        else None,
     )
 
 

@@ -61,6 +61,7 @@ class MeanDilatation:
         """
         self._pressing, self._bulk, self._ends = forms.pressing, bulk, (before, after)
         self._viscosity, self._damped = forms.viscosity, damped
+        self._memory = forms.memory
         self._last: _Linearised | None = None
         q = ufl.TestFunction(forms.pressing.function_space)
         start, end = (forms.elastic.measured(q * forms.dilatation(u)) for u in (before, after))
@@ -81,7 +82,14 @@ class MeanDilatation:
     def energy(self) -> float:
         """U at the end of the step, of the cells of this rank [J]."""
         logs = np.log1p(self._excess(self._end))
-        return 0.5 * float(self._volumes @ (self._bulk * logs**2))
+        stored = 0.5 * float(self._volumes @ (self._bulk * logs**2))
+        return stored + (
+            0.0 if self._memory is None else self._memory.stored(self._bulk * self._volumes)
+        )
+
+    def swept(self) -> Floats:
+        """Change of theta in the step, of the owned cells (collective)."""
+        return self._excess(self._end) - self._excess(self._start)
 
     def forget(self) -> None:
         """Begin a step: the next tangent is its first."""
@@ -134,7 +142,10 @@ class MeanDilatation:
         """Of a step between two theta - 1 [Pa]."""
         logs = 0.5 * (np.log1p(start) + np.log1p(end))
         found: Floats = self._bulk * logs * self._divided(start, end)
-        return found + self._retarding * (end - start)
+        found = found + self._retarding * (end - start)
+        if self._memory is not None:
+            found += self._bulk * self._memory.pressures(end - start)
+        return found
 
     @property
     def _retarding(self) -> Floats:
@@ -166,7 +177,7 @@ class MeanDilatation:
         pressure = 0.5 * (logs[0] + logs[1]) * self._divided(start, end)
         whole = (logs[1] / (1.0 + end) - pressure) / np.where(far, change, 1.0)
         found: Floats = self._bulk * np.where(far, whole, near) + self._retarding
-        return found
+        return found if self._memory is None else found + self._bulk * self._memory.stiffening
 
 
 class CondensedMatrix:

@@ -109,3 +109,16 @@ def stored(material, u, cells, table, hoop, weights):
             xx, yy, zz, xy, yz, zx = strained(u, cells[c], table[c, p], hoop, c, p, full)
             total += weights[c, p] * stress(material[c], xx, yy, zz, xy, yz, zx)[0]
     return total
+
+
+@fused
+def strain_change(before, after, cells, table, hoop, out):
+    """Fill changes of Green's strain, (cells, points, n); see `step_stress`."""
+    full = np.zeros((3, 3))
+    for c in range(len(cells)):
+        for p in range(table.shape[1]):
+            start = strained(before, cells[c], table[c, p], hoop, c, p, full)
+            end = strained(after, cells[c], table[c, p], hoop, c, p, full)
+            for i, (low, high) in enumerate(zip(start, end)):  # noqa: B905  (Numba has no strict)
+                if i < out.shape[2]:
+                    out[c, p, i] = high - low

@@ -53,6 +53,10 @@ class Relaxation:
         """What the terms add to the stiffness of a step, as a share of it."""
         return float((self.shares / (1.0 + self._steps(dt))).sum())
 
+    def weights(self, dt: float) -> Floats:
+        """1 / (1 + k) of each term in a step, (terms,)."""
+        return 1.0 / (1.0 + self._steps(dt))
+
     def pull(self, kept: Floats, dt: float) -> Floats:
         """Sum of g r amid a step in which nothing moves, of r at its start (terms, ...)."""
         return np.tensordot(self.shares / (1.0 + self._steps(dt)), kept, axes=1)

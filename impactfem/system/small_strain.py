@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats
-from impactfem.fem import MPI
+from impactfem.fem import MPI, PETSc
+from impactfem.system.materials import materials_of, relaxing_of
 from impactfem.system.matrices import body_forms, body_stiffness
 from impactfem.system.nodes import Nodes
 from impactfem.system.relaxation import Relaxation, named
 from impactfem.system.step_solvers import KeptSolvers
+
+_SAME = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
 
 
 class SmallStrain:
@@ -27,10 +30,24 @@ class SmallStrain:
             solid: `impactfem.scene.solids.Solid`.
         """
         self._comm = nodes.comm
-        forms = body_forms(nodes, solid)
-        self._stiffness = body_stiffness(nodes, forms, keeps_volume=solid.keeps_volume)
+        self._stiffness = body_stiffness(
+            nodes, body_forms(nodes, solid), keeps_volume=solid.keeps_volume
+        )
         self._source, self._image = self._stiffness.createVecs()
+        # Of materials that creep each in its own way terms and damping have their own stiffness.
+        self._own: list[Any] | None = None
+        self._damping = self._stiffness
         self._relaxation = Relaxation.of(solid.relaxing)
+        if solid.creeps_unlike:
+            times, shares = relaxing_of(nodes, solid)
+            self._relaxation = Relaxation(np.ones(len(times)), times)
+            every = [*shares, materials_of(nodes, solid).damped]
+            *self._own, self._damping = (
+                body_stiffness(
+                    nodes, body_forms(nodes, solid, share), keeps_volume=solid.keeps_volume
+                )
+                for share in every
+            )
         self._relaxing = self._relaxation.rest(self._source.getLocalSize())
         self._step, self._retardation = math.inf, 0.0
 
@@ -41,11 +58,15 @@ class SmallStrain:
     def force(self, before: Floats, after: Floats) -> Floats:
         """Forces of the nodes on the body in a step [N], (owned dofs,) (collective)."""
         way = after - before
-        strained = 0.5 * (before + after) + self._retardation / self._step * way
-        if self._relaxation:
-            amid = self._relaxation.amid(self._relaxing, way, self._step)
-            strained += self._relaxation.straining(amid)
-        return self._product(strained)
+        strained, slowed = 0.5 * (before + after), self._retardation / self._step * way
+        amid = self._relaxation.amid(self._relaxing, way, self._step)
+        if self._own is None:
+            strained += slowed + self._relaxation.straining(amid)
+            return self._product(strained)
+        found = self._product(strained) + self._product(slowed, self._damping)
+        for matrix, each in zip(self._own, amid, strict=True):
+            found += self._product(each, matrix)
+        return found
 
     def settle(self, before: Floats, after: Floats) -> None:
         """Take Maxwell terms to the end of a step."""
@@ -53,7 +74,9 @@ class SmallStrain:
             self._relaxing = self._relaxation.after(self._relaxing, after - before, self._step)
 
     def straining(self, displacement: Floats) -> Floats:
-        """Displacement whose elastic stress is that of the body."""
+        """Displacement whose elastic stress is that of the body, but for unlike materials."""
+        if self._own is not None:
+            return displacement
         return displacement + self._relaxation.straining(self._relaxing)
 
     def state(self) -> dict[str, Floats]:
@@ -65,6 +88,13 @@ class SmallStrain:
         for name, kept in zip(named(self._relaxing), self._relaxing, strict=True):
             kept[:] = state[name]
 
+    def memory(self) -> dict[str, Floats]:
+        """Nothing besides."""
+        return {}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Nothing."""
+
     def press(self, start: float, end: float) -> None:
         """Nothing: pressures of small strains keep their direction, as loads."""
 
@@ -74,9 +104,19 @@ class SmallStrain:
 
     def tangent(self, before: Floats, after: Floats, *, pressed: bool = True) -> Any:  # noqa: ARG002
         """Their derivative by ``after`` as a new PETSc matrix [N/m] (collective)."""
-        tangent = self._stiffness.copy()
-        steps = self._retardation / self._step
-        tangent.scale(0.5 * (1.0 + self._relaxation.stiffening(self._step)) + steps)
+        return self._tangent(self._step)
+
+    def _tangent(self, step: float) -> Any:
+        """The tangent of a step [s]."""
+        tangent, slowed = self._stiffness.copy(), self._retardation / step
+        if self._own is None:
+            tangent.scale(0.5 * (1.0 + self._relaxation.stiffening(step)) + slowed)
+            return tangent
+        tangent.scale(0.5)
+        weights = self._relaxation.weights(step)
+        for matrix, weight in zip(self._own, weights.tolist(), strict=True):
+            tangent.axpy(0.5 * weight, matrix, _SAME)
+        tangent.axpy(slowed, self._damping, _SAME)
         return tangent
 
     def step_solver(
@@ -84,9 +124,8 @@ class SmallStrain:
         near: Any,
     ) -> KeptSolvers:  # fmt: skip
         """What solves with that tangent in steps; see `KeptSolvers`."""
-        return KeptSolvers(
-            self._stiffness, mass, held, dt, damping, kind, near, self._relaxation.stiffening
-        )
+        by_mass, self._retardation = damping
+        return KeptSolvers(self._tangent, mass, held, dt, by_mass, kind, near)
 
     def put(self, before: Floats, after: Floats) -> None:
         """Nothing: the tangent is the same everywhere."""
@@ -94,20 +133,22 @@ class SmallStrain:
     def energy(self, displacement: Floats) -> float:
         """Elastic energy, the part of the nodes of this rank [J] (collective)."""
         stored = 0.5 * float(displacement @ self._product(displacement))
-        for share, kept in zip(self._relaxation.shares, self._relaxing, strict=True):
-            stored += 0.5 * float(share) * float(kept @ self._product(kept))
+        each = self._own or [self._stiffness] * len(self._relaxing)
+        for share, kept, matrix in zip(self._relaxation.shares, self._relaxing, each, strict=True):
+            stored += 0.5 * float(share) * float(kept @ self._product(kept, matrix))
         return stored
 
     def is_inverted(self, displacement: Floats) -> bool:
         """Whether a number is not finite (collective)."""
         return bool(self._comm.allreduce(not np.isfinite(displacement).all(), op=MPI.LOR))
 
-    def _product(self, values: Floats) -> Floats:
+    def _product(self, values: Floats, matrix: Any = None) -> Floats:
         self._source.setArray(values)
-        self._stiffness.mult(self._source, self._image)
+        (self._stiffness if matrix is None else matrix).mult(self._source, self._image)
         return np.array(self._image.getArray())
 
     def destroy(self) -> None:
         """Free PETSc's objects."""
-        for thing in (self._stiffness, self._source, self._image):
+        own = [] if self._own is None else [*self._own, self._damping]
+        for thing in (self._stiffness, self._source, self._image, *own):
             thing.destroy()

@@ -86,29 +86,26 @@ class KeptSolvers:
 
     def __init__(
         self,
-        stiffness: Any,
+        tangent: Callable[[float], Any],
         mass: Any,
         held: NDArray[np.bool_],
         dt: float,
-        damping: tuple[float, float],
+        damping: float,
         kind: str,
         near: Any,
-        stiffening: Callable[[float], float],
     ) -> None:
         """Prepare.
 
         Args:
-            stiffness: PETSc matrix.
-            mass: Likewise.
+            tangent: Makes that of the strains, a PETSc matrix, by the length of a step [s].
+            mass: PETSc matrix.
             held: Owned dofs that supports hold.
             dt: Length of a layer [s].
-            damping: By mass [1/s] and by stiffness [s].
+            damping: By mass [1/s].
             kind: "mumps" or "gamg".
             near: PETSc null space of rigid motions.
-            stiffening: What a step [s] adds to the stiffness, as a share of it.
         """
-        self._stiffening = stiffening
-        self._stiffness, self._mass, self._kind, self._near = stiffness, mass, kind, near
+        self._tangent, self._mass, self._kind, self._near = tangent, mass, kind, near
         own = np.flatnonzero(held) + mass.getOwnershipRange()[0]
         self._held = own.astype(PETSc.IntType)
         self._dt, self._damping = dt, damping
@@ -139,10 +136,8 @@ class KeptSolvers:
         return self._other
 
     def _factored(self, step: float) -> LinearSolver:
-        by_mass, by_stiffness = self._damping
-        matrix = self._stiffness.copy()
-        matrix.scale(0.5 * (1.0 + self._stiffening(step)) + by_stiffness / step)
-        matrix.axpy(inertia(step, by_mass), self._mass, _DIFFERENT)
+        matrix = self._tangent(step)
+        matrix.axpy(inertia(step, self._damping), self._mass, _DIFFERENT)
         matrix.zeroRowsColumns(self._held, diag=1.0)
         return LinearSolver(matrix, self._kind, self._near)
 
