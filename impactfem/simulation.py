@@ -16,7 +16,7 @@ from impactfem.findings import Finding
 from impactfem.log import Progress
 from impactfem.planning import plan
 from impactfem.provenance import run_record
-from impactfem.runs.feedback import controlled
+from impactfem.runs.feedback import Feedback, controlled
 from impactfem.runs.run import Cost
 from impactfem.runs.summary import summarise
 from impactfem.scene import Scene
@@ -93,19 +93,25 @@ class Simulation:
         """Whether the duration of the scene is over."""
         return self._march.layer >= self._march.layers
 
-    def step(self, forces: Mapping[str, Force] | None = None) -> Self:
+    def step(
+        self,
+        forces: Mapping[str, Force] | None = None,
+        outputs: Mapping[str, float] | None = None,
+    ) -> Self:
         """March one step.
 
         Args:
             forces: By body, held constant over the step: of points [N], (dim,); of rigid bodies at
                 the centre of mass, or with a moment about it: see `Force`. Bodies that are not
                 named get none.
+            outputs: Of controllers of the kind external, by name, in the unit of what they act on;
+                those that are not named hold what they had.
 
         Returns:
             Itself.
 
         Raises:
-            SceneError: A body takes no forces, or the duration is over.
+            SceneError: A body takes no forces, a controller is none, or the duration is over.
             ConvergenceError: The step was not found.
         """
         if self.done:
@@ -114,6 +120,10 @@ class Simulation:
                 "restore an earlier state"
             )
         self._apply(forces or {})
+        if outputs:
+            feedback = self._ready.seen.feedback
+            (feedback or Feedback(self._scene, self.dt, 0)).hold(outputs)
+            self._pushed = True
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             self._march.step(self._observers)
         return self

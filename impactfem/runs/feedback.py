@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from impactfem.arrays import Floats
+from impactfem.errors import SceneError
 from impactfem.findings import Finding, percent
 from impactfem.marching.rows import Level
 from impactfem.result.history import CONTROLLER_COLUMN, column_of
@@ -18,7 +19,7 @@ from impactfem.scene.controllers import Controller
 from impactfem.scene.grammar import Held
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
-from impactfem.scene.values import show
+from impactfem.scene.values import is_number, show
 
 type Read = Callable[[], Mapping[str, float]]
 """Tells the columns of the history now (collective)."""
@@ -80,14 +81,22 @@ class Loop:
     def sample(self, time: float, columns: Mapping[str, float]) -> None:
         """Measure, and hold what follows."""
         own = self.controller
+        if own.law == "external":
+            self.count(own.held.value)
+            return
         found = self.output(time, self._measured(columns))
-        low, high = own.limits or (-math.inf, math.inf)
-        self.cut += not low < found < high
-        self.samples += 1
-        self.waiting.append(min(max(found, low), high))
+        self.waiting.append(self.count(found))
         if len(self.waiting) > self.lag:
             own.held.value = self.waiting.pop(0)
-        self.largest = max(self.largest, abs(own.held.value))
+
+    def count(self, found: float) -> float:
+        """Note a sample; its output within the limits."""
+        low, high = self.controller.limits or (-math.inf, math.inf)
+        self.cut += not low < found < high
+        self.samples += 1
+        within = min(max(found, low), high)
+        self.largest = max(self.largest, abs(within))
+        return within
 
     def _measured(self, columns: Mapping[str, float]) -> Floats:
         own = self.controller
@@ -241,6 +250,28 @@ class Feedback:
         """Outputs in the step that ends, by the parts of their columns."""
         return {e.controller.name: {CONTROLLER_COLUMN: e.controller.held.value} for e in self.loops}
 
+    def hold(self, outputs: Mapping[str, float]) -> None:
+        """Set outputs of external controllers, by name, within their limits.
+
+        Raises:
+            SceneError: There is no such controller, or no such number.
+        """
+        known = {e.controller.name: e.controller for e in self.loops}
+        known = {name: own for name, own in known.items() if own.law == "external"}
+        for name, value in outputs.items():
+            if name not in known:
+                there = ", ".join(known) or "those, there are none"
+                raise SceneError(
+                    f"Simulation.step: outputs[{show(name)}] is no external controller; give one "
+                    f"of {there}"
+                )
+            if not (is_number(value) and math.isfinite(value)):
+                raise SceneError(
+                    f"Simulation.step: outputs[{show(name)}] = {show(value)} is no finite number"
+                )
+            low, high = known[name].limits or (-math.inf, math.inf)
+            known[name].held.value = min(max(float(value), low), high)
+
     @property
     def counts_turns(self) -> bool:
         """Whether an angle is fed back."""
@@ -366,6 +397,10 @@ class Feedback:
                 text = f"samples every {loop.span:g} s lie within steps of {self._dt:g} s and are "
                 text += "taken where these end: first order in the step"
                 found.append(Finding("controller", "note", text, own.name))
+            elif own.law == "external":
+                if not loop.largest:
+                    text = "its output is 0: Simulation.step(outputs=...) sets another"
+                    found.append(Finding("controller", "note", text, own.name))
             elif not own.sample:
                 text = "measured where steps begin, its output is held over them: first order in "
                 found.append(Finding("controller", "note", f"{text}the step", own.name))

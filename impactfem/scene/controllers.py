@@ -34,7 +34,7 @@ CUMULATIVE = (
 
 _GAINS = {
     "p": ("kp",), "pd": ("kp", "kd"), "pid": ("kp", "kd", "ki"), "implicit_pd": ("kp", "kd"),
-    "bang_bang": (), "lqr": (), "feedback": (),
+    "bang_bang": (), "lqr": (), "feedback": (), "external": (),
 }  # fmt: skip
 KINDS = tuple(_GAINS)
 # Keys that only some kinds have: which.
@@ -101,7 +101,7 @@ class Controller:
         Choice(KINDS),
         "kp (target - y); with kd (target_rate - y'); with ki times the integral; the same with y "
         "and y' at the end of the sample; the largest force to either side; gains of a linear "
-        "model and quadratic cost; a formula",
+        "model and quadratic cost; a formula; what `Simulation.step(outputs=...)` sets",
         name="kind",
     )
     acts: str = key(
@@ -185,7 +185,7 @@ class Controller:
             raise self._fail("delay", text)
         if self.law in _ONLY["columns"]:
             self._check_columns()
-        else:
+        elif self.law != "external":
             self._check_gains()
         for given in self.measured:
             if {given.partition(".")[0], given.rpartition(".")[2]} & {*CUMULATIVE}:
@@ -260,7 +260,9 @@ class Controller:
         """Columns that are fed back, the rate last if the law has one."""
         if self.columns is not None:
             return tuple(map(_column, self.columns))
-        found = [_column(str(self.of))]
+        if self.of is None:
+            return ()
+        found = [_column(self.of)]
         if self.law in _ONLY["rate"]:
             own = None if self.rate is None else _column(self.rate)
             head, _, last = found[0].rpartition(".")

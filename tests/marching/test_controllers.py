@@ -270,6 +270,25 @@ def test_restart_and_states(tmp_path, monkeypatch):
     assert [joint.motor.text for joint in again.joints] == ["hold"]
 
 
+def test_outputs_from_python_are_those_of_the_same_law():
+    """A law in Python, step by step, against the sampled one."""
+    gains = {"kp": 200.0, "kd": 40.0}
+    whole = impactfem.solve(sliding(0.2, target=1.0, **gains, kind="pd", noise={"sigma": 0.0}))
+    sim = impactfem.Simulation(sliding(0.2, of=None, kind="external", limits=[-500.0, 500.0]))
+    while not sim.done:
+        now = sim.columns
+        sim.step(outputs={"hold": 200.0 * (1.0 - now["m.x"]) - 40.0 * now["m.vx"]})
+    found = sim.result()
+    np.testing.assert_allclose(found.history["m.x"], whole.history["m.x"], atol=1e-13)
+    np.testing.assert_allclose(found.history["hold.u"], whole.history["hold.u"], atol=1e-10)
+    told = found.summary["controllers"]["hold"]
+    assert told["work"] == pytest.approx(whole.summary["controllers"]["hold"]["work"], rel=1e-9)
+    sim = impactfem.Simulation(sliding(0.2, of=None, kind="external"))
+    for given, said in (({"m": 1.0}, "no external controller"), ({"hold": np.nan}, "no finite")):
+        with pytest.raises(SceneError, match=said):
+            sim.step(outputs=given)
+
+
 @pytest.mark.parallel([2])
 def test_ranks_agree(monkeypatch):
     check_ranks(both, monkeypatch)
