@@ -27,6 +27,7 @@ from impactfem.scene.ties import TieRows
 from impactfem.system.joint_kernels import (
     ANGLE,
     DOT,
+    POINT,
     at_gradients,
     delassus,
     least,
@@ -86,6 +87,9 @@ class Joining[P: Stepper](Bodies[P]):
         self._owner = joints.owner[terms.rows]
         self._leading = np.unique(self._owner, return_index=True)[1]  # first term of each joint
         self._struck = False
+        # Whether rows act along lines that stay, by laws that do.
+        turn = (terms.kinds != POINT).any() or terms.arms.any()
+        self._same = not (turn or self._leads or self._states_change(joints))
         reach = joints.extent or 1.0
         # Places round by the lengths that make them, cosines and angles do not.
         rounds = np.where(np.isin(terms.kinds, (DOT, ANGLE)), 1.0, reach)
@@ -94,10 +98,23 @@ class Joining[P: Stepper](Bodies[P]):
         self._states = JointStates(joints, self._rates, span, self._sizes)
         self._reaction: Floats | None = None
         self._middles = joints.turns
-        self._ends, self._laws = self._terms, np.zeros((count, 3))
+        self._ends = self._terms
+        self._look()
         # Coordinate, rate, force and moment in the layer, energy taken up to now.
         self._shown = np.zeros((each, 5))
         self._show(self._terms)
+
+    def _look(self) -> None:
+        """Take laws of the rows by which contact that is asked for before a layer is answered."""
+        self._laws = self._states.laws(self._coordinates(self._terms), self._rates)
+        self._reaction = None
+
+    @staticmethod
+    def _states_change(joints: Joints) -> bool:
+        """Whether any joint slips, stops, is driven or may let go."""
+        bounded = (joints.rubbing >= 0).any() or (joints.stopping >= 0).any()
+        each = ((j.motor, getattr(j, "break_force", None)) for j in joints.joints)
+        return bool(bounded) or any(force is not None for both in each for force in both)
 
     def settle(self, forces: Floats) -> None:
         """Begin where the bodies have come to rest, with forces of the rows [N or N m], (rows,)."""
@@ -412,6 +429,7 @@ class Joining[P: Stepper](Bodies[P]):
         self._rates, self._shown[:, 4] = memory["joints.rates"].copy(), memory["joints.lost"]
         self._now = float(memory["joints.now"][0])
         self._states.remember(memory)
+        self._look()
         for k, body in enumerate(self._held):
             first = f"joints.{k}."
             body.remember(

@@ -42,8 +42,10 @@ class Jointed(Joining[Interior], Composite):
 
     @property
     def volatile(self) -> NDArray[np.bool_]:
-        """Joints change answers of what they hold in every layer."""
+        """Joints change answers of what they hold in every layer, if they turn or change."""
         found = super().volatile.copy()
+        if self._same:
+            return found
         for own in self._owns:
             found[own] = True
         return found

@@ -17,7 +17,7 @@ from impactfem.contact.springs import ContactSprings, unresolved
 from impactfem.findings import Finding
 from impactfem.marching.determinacy import Determinacy
 from impactfem.marching.impacts import reached
-from impactfem.marching.layers import Answers, Interior, Rolling
+from impactfem.marching.layers import Answers, DirectedGaps, Interior, Rolling
 from impactfem.marching.rubbing import Friction
 from impactfem.marching.staggered import FIRST
 from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
@@ -43,6 +43,8 @@ class SolidMarch(TimeLoop[Interior]):
     def _answers(self) -> Answers:
         """How the gaps answer to contact forces; with friction in all directions."""
         interior = self.interior
+        if self._changes:  # answers that are kept by gaps would stay those of their first layer
+            return cast("DirectedGaps", self._gaps).directed(interior.columns, interior.apart)
         return self._gaps.responses(interior.columns, interior.whole_columns, interior.apart)
 
     def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:

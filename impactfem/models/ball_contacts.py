@@ -162,12 +162,14 @@ def crowded(model: Bodies, offsets: Sequence[int]) -> tuple[Crowded, list[dict[s
     bodies = list(dict.fromkeys(body.name for body in scene.bodies))
     place, kinds = {name: k for k, name in enumerate(bodies)}, dict[type, dict[str, int]]()
     radius = np.zeros(offsets[-1])
+    meeting = {body.name for body in scene.bodies if not body.attached}
     asked = scene.dim == 1 or bool(scene.contacts)  # a line has an order, laws have ends
     for few, start in zip(model.few, offsets[len(model.parts) : -1], strict=True):
         radius[start : start + len(few.radius)] = few.radius
         if few.singles and not asked:
-            own = {name: node + start for name, node in few.singles.items()}
-            kinds.setdefault(type(few), {}).update(own)
+            own = {name: node + start for name, node in few.singles.items() if name in meeting}
+            if own:
+                kinds.setdefault(type(few), {}).update(own)
     # Gears join three or more, and others one to the ground.
     both = (set(joint.bodies) & place.keys() for joint in scene.holding if len(joint.bodies) == 2)
     held = {tuple(sorted(place[name] for name in names)) for names in both if len(names) == 2}

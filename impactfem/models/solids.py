@@ -30,6 +30,7 @@ from impactfem.models.ball_contacts import (
     places_of,
     strike,
 )
+from impactfem.models.carried import set_out
 from impactfem.models.key import SceneKey
 from impactfem.models.obstacle_contacts import ObstacleMeeting, obstacle_meetings
 from impactfem.models.solid_contact import contact_of, reach_of
@@ -436,7 +437,9 @@ def solids_model(scene: Scene, degrees: Sequence[int], *, updated: bool = False)
 @lru_cache(maxsize=1)
 def _model(key: SceneKey, degrees: tuple[int, ...], updated: bool) -> SolidsModel:  # hashed
     scene = key.scene
-    return SolidsModel(MPI.COMM_WORLD, scene, _parts(key, degrees), updated, few_bodies(scene))
+    model = SolidsModel(MPI.COMM_WORLD, scene, _parts(key, degrees), updated, few_bodies(scene))
+    set_out(model)
+    return model
 
 
 @lru_cache(maxsize=1)

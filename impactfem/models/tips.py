@@ -16,6 +16,8 @@ from impactfem.system.regions import HeldRegion, HeldRegions, Key, region, trian
 from impactfem.system.surface import SurfaceNodes
 from impactfem.system.tips import Tips
 
+_NONE = 1e-12  # value of a shape function that is but rounding
+
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidPart
 
@@ -47,7 +49,7 @@ def held_regions(part: "SolidPart") -> dict[Key, HeldRegion]:
                 made = _region(part, name, at, joint.radius, (where, side))
             else:
                 made = _inside(part, at, where)
-            found.add(index, joint.name, key, made, alone=joint in part.scene.joints)
+            found.add(index, joint.name, key, made, alone=part.scene.holds_alone(index))
     return found.regions
 
 
@@ -76,6 +78,7 @@ def _inside(part: "SolidPart", place: Floats, where: str) -> HeldRegion:
         text = f" = {show(place.tolist())} is outside of {part.solid.name}, its nearest node at"
         raise KeyedError(where, "point", f"{text} [{near}]: give a place in it.")
     order = np.argsort(found.numbers)
+    order = order[np.abs(found.values[order]) > _NONE]
     numbers = found.numbers[order]
     nodes = SurfaceNodes.of(part.comm, part.solid.dim, numbers, system.numbers)
     points = nodes.gather(system.positions.ravel())

@@ -262,7 +262,8 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
                 continue
             of = "all" if len(held.numbers) == held.every else f"{len(held.numbers)} of"
             at = ", ".join(f"{x:.4g}" for x in place)
-            text = f"the mean of {of} {held.every} nodes, those within {held.radius:.3g} m"
+            text = f"the mean of {of} {held.every} nodes"
+            text += "" if radius == WHOLE else f", those within {held.radius:.3g} m"
             if not held.turns:
                 text = f"the displacement there, by the {held.every} nodes of its element"
             more = f": {held.why}, joint.radius gives another" if held.why else ""
@@ -294,7 +295,7 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
 
 def law_findings(scene: Scene) -> list[Finding]:
     """What is not settled of the laws of impact."""
-    dead = {body.name for body in scene.bodies if not body.waves}
+    dead = {body.name for body in scene.bodies if not (body.waves or body.attached)}
     if scene.contacts or not (dead and _strikes(scene, dead)):
         rubs = [e for e in scene.contacts if e.friction_coefficient > 0.0]
         both = [e for e in rubs if e.restitution > 0.0 and not e.tangential_restitution]

@@ -13,6 +13,7 @@ from impactfem.scene.formula import Formula
 from impactfem.scene.inverse import Limit, Measure, Objective, Parameter, Term
 from impactfem.scene.joints import Joint, Soft
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
+from impactfem.scene.masses import PointMass
 from impactfem.scene.materials import Material
 from impactfem.scene.mechanism import JointStart, Mechanism, Place
 from impactfem.scene.obstacles import (
@@ -91,6 +92,7 @@ __all__ = [
     "Place",
     "Plate",
     "Point",
+    "PointMass",
     "PolygonOutline",
     "Pressure",
     "Probe",

@@ -58,6 +58,7 @@ class BodyKind:
         joined_whole, joined_by_surface: Whether joints name it, and a part of it (`arm/hand`).
         parts_in_joints: What these are.
         tied: Whether ties hold it.
+        attached: Whether another body carries it, so that it meets nothing.
         has_centre: Whether springs act on its centre where they name no place.
         sprung_inside: Whether springs act on any place in it.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
@@ -91,6 +92,7 @@ class BodyKind:
     sprung_inside: ClassVar[bool] = False
     has_centre: ClassVar[bool] = False
     tied: ClassVar[bool] = False
+    attached: ClassVar[bool] = False
     parts_in_joints: ClassVar[str] = "links"
     whole_side: ClassVar[tuple[str, ...] | None] = None
     mesh: str | None = None

@@ -12,8 +12,9 @@ from impactfem.scene.toml import write_value
 _MOST_OBJECTS = 8
 _LISTS = {
     "body": "bodies", "obstacle": "obstacles", "contact": "contacts", "joint": "joints",
-    "spring": "springs", "tie": "ties", "probe": "probes", "parameter": "parameters",
-    "control": "controls", "controller": "controllers", "measure": "measures",
+    "spring": "springs", "tie": "ties", "point_mass": "masses", "probe": "probes",
+    "parameter": "parameters", "control": "controls", "controller": "controllers",
+    "measure": "measures",
 }  # fmt: skip
 _TABLES = ("objective", "solve", "output")
 _TOLD = {"name", "title", *_LISTS, *_TABLES}

@@ -23,6 +23,7 @@ from impactfem.scene.joints import Joint
 from impactfem.scene.kinds import Choice, Line, Real
 from impactfem.scene.laws import Laws
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
+from impactfem.scene.masses import PointMass
 from impactfem.scene.mechanism import Mechanism
 from impactfem.scene.obstacles import OBSTACLES, Rigid, Wall
 from impactfem.scene.plate import Plate
@@ -48,6 +49,7 @@ MAX_CONTACTS = 10_000
 MAX_JOINTS = 10_000
 MAX_SPRINGS = 10_000
 MAX_TIES = 10_000
+MAX_MASSES = 10_000
 STARTS = ("given", "static")
 
 
@@ -102,6 +104,12 @@ class Content:
         name="tie",
         default=(),
     )
+    masses: Given[tuple[PointMass, ...], Sequence[PointMass]] = key(
+        ObjectsKind((PointMass,), "[[point_mass]]", MAX_MASSES, 0),
+        "masses that bodies carry",
+        name="point_mass",
+        default=(),
+    )
     probes: Given[tuple[Probe, ...], Sequence[Probe]] = key(
         ObjectsKind((Probe,), "[[probe]]", MAX_PROBES, 0),
         "places whose motion is kept in the history",
@@ -147,7 +155,7 @@ class Content:
     @cached_property
     def laws(self) -> Laws:
         """Its contact laws, each of two names."""
-        names = tuple(body.name for body in self.bodies)
+        names = tuple(body.name for body in self.bodies if not body.attached)
         obstacles = tuple(obstacle.name for obstacle in self.obstacles)
         held = tuple(joint.bodies for joint in self.holding)
         return Laws.among(self.contacts, names, obstacles, held)
@@ -165,9 +173,20 @@ class Content:
     def table_of(self, coupling: int) -> str:
         """Table of one of its `couplings`, for messages."""
         first, joint = len(self.joints), self.couplings[coupling]
+        masses = [mass.name for mass in self.masses]
+        if joint.name in masses:
+            return f"point_mass[{masses.index(joint.name)}]"
         if coupling >= len(self.holding):
             return joint.heading
         return f"{joint.heading}[{coupling if coupling < first else coupling - first}]"
+
+    def holds_alone(self, coupling: int) -> bool:
+        """Whether no other may hold the nodes of one of its `couplings`: springs leave them free.
+
+        Masses on the same place add up.
+        """
+        masses = {mass.name for mass in self.masses}
+        return coupling < len(self.joints) and self.couplings[coupling].name not in masses
 
     @property
     def sampled(self) -> tuple[Controller, ...]:

@@ -16,6 +16,8 @@ from impactfem.scene.values import show
 _AXES = "xyz"
 WHOLE = float("inf")
 """Radius of the region of a joint that is all of a surface."""
+NEAREST = 0.0
+"""The same of that of the nearest nodes that tell how it turns."""
 
 
 @dataclass(frozen=True, kw_only=True)

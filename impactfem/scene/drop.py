@@ -58,7 +58,8 @@ def dropped(scene: "Scene", drop: Drop) -> dict[str, Any]:
     """
     down = _down(scene)
     turn = _turn(drop, scene.dim)
-    outlines = [outline(body, Path(scene.folder or "")) for body in scene.bodies]
+    bodies = [body for body in scene.bodies if not body.attached]
+    outlines = [outline(body, Path(scene.folder or "")) for body in bodies]
     low = np.min([(nodes - r[:, None]).min(axis=0) for nodes, r, *_ in outlines], axis=0)
     high = np.max([(nodes + r[:, None]).max(axis=0) for nodes, r, *_ in outlines], axis=0)
     pivot: Floats = np.asarray(0.5 * (low + high), dtype=np.float64)
@@ -72,11 +73,11 @@ def dropped(scene: "Scene", drop: Drop) -> dict[str, Any]:
     data.pop("drop", None)
     angle = None if drop.orientation is None else drop.orientation.in_plane
     move = Move(turn, pivot, way * down, angle)
-    for body, tables in zip(scene.bodies, data["body"], strict=True):
+    for body, tables in zip(bodies, data["body"], strict=True):
         place(body, tables, move, speed * down)
     for probe in data.get("probe", ()):
         probe["point"] = move.point(probe["point"])
-    for heading in ("joint", "spring"):
+    for heading in ("joint", "spring", "point_mass"):
         for index, tables in enumerate(data.get(heading, ())):
             _move_coupling(tables, move, f"{heading}[{index}]")
     return data

@@ -25,8 +25,9 @@ def check_joints(scene: Content) -> None:
         raise KeyedError(taken[GROUND], "name", text)
     known = {joint.name: joint for joint in scene.joints}
     for index, joint in enumerate(scene.joints):
-        where = f"joint[{index}]"
-        if joint.name in taken:
+        where = scene.table_of(index)
+        carries = [body for body in joint.bodies if body in bodies and bodies[body].attached]
+        if joint.name in taken and not carries:
             text = f" = {show(joint.name)} is the name of {taken[joint.name]} too: give another."
             raise KeyedError(where, "name", text)
         taken[joint.name] = where
@@ -37,7 +38,7 @@ def check_joints(scene: Content) -> None:
                 text += f"coordinate; give two of {', '.join(moving) or 'these, there is none'}."
                 raise KeyedError(where, "joints", text)
         for name in joint.between or ():
-            _check_side(scene, where, name, joint.between or ())
+            _check_side(scene, where, name, joint.between or (), springs=bool(carries))
         _check_turns(scene, where, joint)
         dim = joint.dim
         if dim is not None and dim != scene.dim:
@@ -169,6 +170,8 @@ def _check_radius(scene: Content, where: str, joint: Joint) -> None:
     bodies = {body.name: body for body in scene.bodies}
     each = [side_of(name) for name in joint.between or ()]
     known = [(bodies[body].parts_in_joints, part) for body, part in each if body in bodies]
+    if any(body in bodies and bodies[body].attached for body, _ in each):
+        return
     if joint.radius is None or any(
         parts == "regions" or (part and parts == "surfaces") for parts, part in known
     ):

@@ -37,7 +37,7 @@ def named_body_pairs(
 def _all_pairs(
     scene: Content, alike: Sequence[Collection[str]]
 ) -> Iterator[tuple[str, Side, Side]]:
-    names = list(dict.fromkeys(body.name for body in scene.bodies))
+    names = list(dict.fromkeys(body.name for body in scene.bodies if not body.attached))
     held = {joint.bodies for joint in scene.holding}
     every = list(enumerate(names))
     others = {id(group): [each for each in every if each[1] not in group] for group in alike}
@@ -55,12 +55,13 @@ def body_pairs(scene: Content) -> list[tuple[Side, Side]]:
 
 def bodies_met(scene: Content, name: str) -> list[str]:
     """Bodies that a body may meet, as `body_pairs` has them."""
-    names = [body.name for body in scene.bodies]
+    names = [body.name for body in scene.bodies if not body.attached]
     if scene.contacts:
         known = set(names)
         return [other for other in scene.laws.partners.get(name, ()) if other in known]
     held = {other for joint in scene.holding if name in (on := joint.bodies) for other in on}
-    return [other for other in names if other != name and other not in held]
+    alone = name not in names  # another body carries it
+    return [other for other in names if not alone and other != name and other not in held]
 
 
 def self_meeting(scene: Content) -> list[str]:
@@ -93,6 +94,8 @@ def surfaces_on(scene: Content, body: str, obstacle: str) -> tuple[str, ...] | N
 
 def obstacles_of(scene: Content, name: str) -> Sequence[Rigid]:
     """Obstacles that a body may meet: those of ``[[contact]]``, or all where there is none."""
+    if any(body.attached and body.name == name for body in scene.bodies):
+        return ()
     if not scene.contacts:
         return scene.rigid_obstacles
     partners = scene.laws.partners.get(name, ())

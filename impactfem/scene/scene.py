@@ -12,7 +12,15 @@ from impactfem.extensions import load_installed
 from impactfem.reading.live import is_kept, keep
 from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
-from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, MAX_SPRINGS, MAX_TIES, Content
+from impactfem.scene.content import (
+    BODIES,
+    MAX_CONTACTS,
+    MAX_JOINTS,
+    MAX_MASSES,
+    MAX_SPRINGS,
+    MAX_TIES,
+    Content,
+)
 from impactfem.scene.control import MAX_CONTROLS, Control, acted, named_histories
 from impactfem.scene.controllers import MAX_CONTROLLERS, Controller, fed_back
 from impactfem.scene.couplings import SpringElement
@@ -30,6 +38,7 @@ from impactfem.scene.inverse import (
 )
 from impactfem.scene.joints import Joint
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
+from impactfem.scene.masses import PointMass
 from impactfem.scene.obstacles import OBSTACLES
 from impactfem.scene.probes import MAX_PROBES, Probe
 from impactfem.scene.schema import (
@@ -54,9 +63,13 @@ from impactfem.scene.ties import Tie
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
-_RARE = ("spring", "tie", "parameter", "control", "controller", "measure", "objective")
+_RARE = (
+    "spring", "tie", "point_mass", "parameter", "control", "controller", "measure", "objective",
+)  # fmt: skip
 """Tables that a scene file has only where they say something."""
-_LISTS = ("spring", "tie", "probe", "parameter", "control", "controller", "measure")
+_LISTS = (
+    "spring", "tie", "point_mass", "probe", "parameter", "control", "controller", "measure",
+)  # fmt: skip
 
 
 class Scene(Content):
@@ -79,6 +92,7 @@ class Scene(Content):
         if self.folder is not None:  # absolute, so that a later change of folder does no harm
             object.__setattr__(self, "folder", _absolute(self.folder))
         self._open_files()
+        self._add_masses()
         self._add_joints()
         if self.gives_way and not self.bars and not any(body.marches_alone for body in self.bodies):
             self._turn_gravity()
@@ -100,7 +114,7 @@ class Scene(Content):
         known = {entry.name for entry in fields(self)}
         for name in {*vars(self)} - known:  # cached of what was drawn
             del self.__dict__[name]
-        for name in ("bodies", "joints", "springs", "probes"):
+        for name in ("bodies", "joints", "springs", "masses", "probes"):
             object.__setattr__(self, name, getattr(placed, name))
         object.__setattr__(self, "drop", None)
         self.__dict__["_given"] = given
@@ -115,6 +129,23 @@ class Scene(Content):
             along = tuple((0.0 - value,) for value in self.gravity.values)
             object.__setattr__(self, "gravity", PiecewiseVector(self.gravity.times, along))
 
+    def _add_masses(self) -> None:
+        """Add the points that masses are.
+
+        Raises:
+            KeyedError: A mass is on no body that carries it.
+        """
+        made, taken = list[Any](), set[str]()
+        for index, mass in enumerate(self.masses):
+            where = f"point_mass[{index}]"
+            if mass.name in taken:
+                text = f" = {show(mass.name)} is the name of another mass: give another."
+                raise KeyedError(where, "name", text)
+            taken.add(mass.name)
+            made.append(mass.carried(self, where))
+        given = [body for body in self.bodies if not body.attached]
+        object.__setattr__(self, "bodies", (*given, *made))
+
     def _add_joints(self) -> None:
         """Add the joints that bodies bring.
 
@@ -124,7 +155,7 @@ class Scene(Content):
         own = self._own_joints
         for index, joint in enumerate(self.joints):
             if joint.name in own and joint != own[joint.name]:
-                text = f" = {show(joint.name)} is that of a support that moves: give another."
+                text = f" = {show(joint.name)} is that of a mass or a support: give another."
                 raise KeyedError(f"joint[{index}]", "name", text)
         given = [joint for joint in self.joints if joint.name not in own]
         object.__setattr__(self, "joints", (*given, *own.values()))
@@ -206,8 +237,8 @@ class Scene(Content):
 
         Args:
             data: keys ``title, duration, gravity, start, body, obstacle, contact, joint, spring,
-                tie, probe, parameter, control, controller, measure, objective, drop, solve,
-                output``.
+                tie, point_mass, probe, parameter, control, controller, measure, objective, drop,
+                solve, output``.
             base: folder where relative mesh paths start.
 
         Raises:
@@ -256,6 +287,7 @@ class Scene(Content):
         lists: tuple[tuple[str, type[Any], int], ...] = (
             ("contact", Contact, MAX_CONTACTS), ("joint", Joint, MAX_JOINTS),
             ("spring", SpringElement, MAX_SPRINGS), ("tie", Tie, MAX_TIES),
+            ("point_mass", PointMass, MAX_MASSES),
             ("probe", Probe, MAX_PROBES), ("measure", Measure, MAX_MEASURES),
         )  # fmt: skip
         for name, made, most in lists:
@@ -271,6 +303,7 @@ class Scene(Content):
     def to_dict(self) -> dict[str, Any]:
         """Return plain tables with defaults filled in; keys left to the plan are absent."""
         data = plain(self)
+        data["body"] = [entry for entry in data["body"] if not entry.attached]
         for name in ("body", "obstacle"):
             data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
         for name in ("contact", "joint", *_LISTS):
@@ -311,6 +344,7 @@ class Scene(Content):
         bodies, obstacles = data.pop("body"), data.pop("obstacle")
         contacts, joints = data.pop("contact"), data.pop("joint")
         springs, ties = data.pop("spring", []), data.pop("tie", [])
+        masses = data.pop("point_mass", [])
         probes, objective = data.pop("probe"), data.pop("objective", None)
         parameters, measures = data.pop("parameter", []), data.pop("measure", [])
         controls, controllers = data.pop("control", []), data.pop("controller", [])
@@ -323,6 +357,7 @@ class Scene(Content):
             *(("[[joint]]", Joint, entry) for entry in joints),
             *(("[[spring]]", SpringElement, entry) for entry in springs),
             *(("[[tie]]", Tie, entry) for entry in ties),
+            *(("[[point_mass]]", PointMass, entry) for entry in masses),
             *(("[[probe]]", Probe, entry) for entry in probes),
             *(("[[parameter]]", Parameter, entry) for entry in parameters),
             *(("[[control]]", Control, entry) for entry in controls),

@@ -330,9 +330,9 @@ def _rank(heading: str) -> int:
         "model", "noise", "minimise", "constraints",
     )  # fmt: skip
     others = (
-        "[[obstacle]]", "[[contact]]", "[[joint]]", "[[spring]]", "[[tie]]", "[[probe]]",
-        "[[parameter]]", "[[control]]", "[[controller]]", "[[measure]]", "[objective]", "[drop]",
-        "[solve]",
+        "[[obstacle]]", "[[contact]]", "[[joint]]", "[[spring]]", "[[tie]]", "[[point_mass]]",
+        "[[probe]]", "[[parameter]]", "[[control]]", "[[controller]]", "[[measure]]", "[objective]",
+        "[drop]", "[solve]",
         "[output]",
     )  # fmt: skip
     order = (TOP, *bodies, *others, *inline)

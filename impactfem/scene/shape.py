@@ -128,6 +128,18 @@ class Shape(ABC):
         ]
         return (*left, *(f"symmetry_{axis}" for axis in self.symmetry), *["axis"] * on_axis)
 
+    def middle_of(self, surface: str) -> tuple[float, ...] | None:
+        """Middle of a surface of the whole shape [m], (dim,); None of cut shapes, or no surface."""
+        if surface not in self._faces or self.symmetry:
+            return None
+        normal = self._faces[surface]
+        if normal is None:
+            return self.centre
+        figure = self.figure
+        edges = figure.edges or (figure.height or 0.0,) * self.dim
+        half = 0.5 * sum(abs(n) * edge for n, edge in zip(normal, edges, strict=True))
+        return tuple(c + half * n for c, n in zip(self.centre, self._turned(normal), strict=True))
+
     def check_model(self, model: str) -> None:
         """Refuse a model that the shape does not fit.
 

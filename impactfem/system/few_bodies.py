@@ -35,12 +35,17 @@ def few_bodies(scene: Scene) -> tuple[FewBodies, ...]:
     makers = {**_MAKERS, **own}
     kinds = list(makers)
     bodies = sorted(
-        (body for body in scene.bodies if type(body) in kinds), key=lambda b: kinds.index(type(b))
+        (body for body in scene.bodies if _kind(body) in kinds), key=lambda b: kinds.index(_kind(b))
     )
     found: list[FewBodies] = []
-    for kind, alike in groupby(bodies, type):
+    for kind, alike in groupby(bodies, _kind):
         found += makers[kind](scene, list(alike))
     return tuple(found)
+
+
+def _kind(body: Any) -> type[Any]:
+    """Its class; masses that bodies carry are points."""
+    return Point if isinstance(body, Point) else type(body)
 
 
 def _of_own(_: Scene, bodies: Sequence[Any]) -> list[FewBodies]:

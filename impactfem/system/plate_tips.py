@@ -42,13 +42,13 @@ def held_vertices(
         for side, place in zip(joint.between or (), joint.places, strict=False):
             if side_of(side)[0] != plate.name:
                 continue
-            where = f"joint[{index}]", side
+            where = scene.table_of(index), side
             at = np.asarray(place)
             own = region(at, points, mesh.cells, joint.radius, areas, ~still, where)
             kept = np.flatnonzero(own.nodes)
             made = HeldRegion(kept, points[kept], areas[kept], len(points), own.radius, own.why)
             key = side, tuple(float(x) for x in place), joint.radius
-            found.add(index, joint.name, key, made, alone=joint in scene.joints)
+            found.add(index, joint.name, key, made, alone=scene.holds_alone(index))
     return found.regions
 
 

@@ -77,6 +77,7 @@ def region(
     least = _least(away, holds)
     table, side = where
     if radius is not None and (radius < np.inf or least):
+        radius = radius or least
         found = away <= radius * _EDGE
         if not holds(found):
             text = f" = {radius:.6g}: {int(found.sum())} nodes of {side} are within it, too few to "

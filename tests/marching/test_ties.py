@@ -169,6 +169,13 @@ def test_restart_equals_the_whole_run(tmp_path, monkeypatch):
     assert again.summary["details"]["ties"]["glue"]["parted_at"] < 70 * 2.5e-4
 
 
+@pytest.mark.parametrize("strength", [{}, {"break_force": 6e3}])
+def test_restart_amid_contact(strength, tmp_path, monkeypatch):
+    bodies, keys = two(apart=1e-4, velocity=[0.3, -1.0]), {"tie": strength, "obstacle": [FLOOR]}
+    made = scene(bodies, 9e-4, 3e-5, output={"fields": [], "checkpoint": 4}, **keys)
+    check_restart(made, 11, tmp_path, monkeypatch)
+
+
 @pytest.mark.parallel(2)
 def test_ranks_agree(monkeypatch):
     def struck():
