@@ -7,6 +7,7 @@ beyond one at the end of a step and would go on outwards, its rate turns to -e t
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -123,11 +124,20 @@ class Joining[P: Stepper](Bodies[P]):
             body.settle()
         places, turns = self._starts()
         self._terms = self._ends = joints.values_at(places, turns, self._terms)
+        if (joints.taut >= 0).any():
+            self._tighten(joints.tightened(self._coordinates(self._terms)))
         self._gradient = np.asarray(
             at_gradients(t.kinds, t.bodies, t.arms, t.axes, places, turns, self._terms)
         )
         self._middles, self._acting = turns, forces * self.span
         self._show(self._terms)
+
+    def _tighten(self, joints: Joints) -> None:
+        """Go on with joints that hold their preloads."""
+        self._joints = joints
+        self._rest = np.array([joints.rest(joint) for joint in joints.joints])
+        self._states = JointStates(joints, self._rates, self.span, self._sizes)
+        self._look()
 
     def _set_out(self, start: float, end: float) -> None:
         """Take up a step between two times; what joints hold is to be solved for."""
@@ -416,7 +426,8 @@ class Joining[P: Stepper](Bodies[P]):
         own = {
             "joints.acting": self._acting.copy(), "joints.terms": self._terms.copy(),
             "joints.rates": self._rates.copy(), "joints.lost": self._shown[:, 4].copy(),
-            "joints.now": np.array([self._now]),
+            "joints.now": np.array([self._now]), "joints.start": self._joints.start.copy(),
+            "joints.slack": self._joints.slack.copy(),
         }  # fmt: skip
         for k, body in enumerate(self._held):
             own |= {f"joints.{k}.{name}": values for name, values in body.memory().items()}
@@ -428,6 +439,8 @@ class Joining[P: Stepper](Bodies[P]):
         self._acting, self._terms = memory["joints.acting"].copy(), memory["joints.terms"].copy()
         self._rates, self._shown[:, 4] = memory["joints.rates"].copy(), memory["joints.lost"]
         self._now = float(memory["joints.now"][0])
+        start, slack = memory["joints.start"].copy(), memory["joints.slack"].copy()
+        self._tighten(replace(self._joints, start=start, slack=slack))
         self._states.remember(memory)
         self._look()
         for k, body in enumerate(self._held):

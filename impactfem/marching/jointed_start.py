@@ -144,7 +144,7 @@ class JointedAtRest:
     def _free(self, gradient: Floats) -> Floats:
         """Free motions of the bodies that joints leave, by their own ones, (own, free)."""
         joints = self._joints
-        firm = np.flatnonzero(joints.holding)
+        firm = np.setdiff1d(np.flatnonzero(joints.holding), joints.taut)  # preloads hold nothing
         springs = [row for j, row in zip(joints.joints, joints.moving, strict=True) if j.stiffness]
         each = zip(self._bodies, self._held, strict=True)
         moved = [[at.twists(field) for field in body.modes.fields] for body, at in each]
@@ -231,6 +231,10 @@ class JointedAtRest:
                 given = min(max(wanted, least_force), most)
                 missing[own] = forces[own] - given
                 by_row[own], by_force[own] = (scale[own], 0.0) if given == wanted else (0.0, 1.0)
+        for k in np.flatnonzero(joints.taut >= 0).tolist():
+            own = joints.taut[k]
+            missing[own] = forces[own] + float(joints.joints[k].preload or 0.0)
+            by_row[own], by_force[own] = 0.0, 1.0
         return missing, by_row, by_force
 
     def contact(self, place: Floats) -> Floats:

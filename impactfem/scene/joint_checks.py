@@ -45,6 +45,9 @@ def check_joints(scene: Content) -> None:
             key = "point" if joint.points is None else "points"
             text = f" has {dim} coordinates, the bodies have {scene.dim}: give {scene.dim}."
             raise KeyedError(where, key, text)
+        if joint.preload is not None and not scene.starts_at_rest:
+            text = f' = {show(joint.preload)} is reached by a static start: give start = "static".'
+            raise KeyedError(where, "preload", text)
         _check_places(scene, where, joint)
         _check_radius(scene, where, joint)
         _check_motions(scene, where, joint)

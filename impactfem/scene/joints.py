@@ -152,6 +152,12 @@ class Joint:
         FormulaOf(("t", "q", "v")), "force along its coordinate, of time, coordinate and rate",
         unit="N m or N", default=None, absent="none",
     )  # fmt: skip
+    preload: float | None = key(
+        Real(above=0),
+        "of a fixed joint along axis, or of the spring of a prismatic one: with what it draws the "
+        "second side against its axis, reached by a static start and then held",
+        unit="N", default=None, absent="none",
+    )  # fmt: skip
     soft: MaybeTable[Soft] = key(
         InlineTable((Soft,)), "gives way, to compare", default=None, absent="holds to rounding"
     )
@@ -263,7 +269,11 @@ class Joint:
         if wanted and self.axis is None:
             text = f" is missing: a {self.kind} joint has one; give {dim} numbers."
             raise KeyedError(self.heading, "axis", text)
-        if self.axis is not None and not wanted:
+        taut = self.preload is not None and self.kind == "fixed"
+        if taut and self.axis is None:
+            text = f" is missing: preload acts along it; give {dim} numbers."
+            raise KeyedError(self.heading, "axis", text)
+        if self.axis is not None and not (wanted or taut):
             of = "in the plane turns about the axis across it" if dim == 2 else "has no axis"
             raise self._fail("axis", f": a {self.kind} joint {of}; remove it.")
         if self.axis is not None and len(self.axis) != dim:
@@ -279,6 +289,7 @@ class Joint:
     def _check_laws(self) -> None:
         """Refuse laws of a coordinate that there is not, and limits that contradict."""
         self._check_driven()
+        self._check_preload()
         given = [name for name in _ACTING if getattr(self, name)]
         given += ["position"] * bool(self.position.plain)
         given += [name for name in ("limits", "rest", "motor") if getattr(self, name) is not None]
@@ -305,6 +316,21 @@ class Joint:
         if not self.limits[0] <= at <= self.limits[1]:
             text = f" leave out the coordinate {at:.6g} of t = 0: widen them, or give position."
             raise self._fail("limits", text)
+
+    def _check_preload(self) -> None:
+        """Refuse a preload that nothing would hold."""
+        if self.preload is None:
+            return
+        if self.kind not in {"fixed", "prismatic"}:
+            text = f": a {self.kind} joint has none; give it to a fixed or prismatic one."
+            raise self._fail("preload", text)
+        if self.kind == "prismatic" and not self.stiffness:
+            text = ": nothing holds it along the axis of a prismatic joint; give stiffness, or "
+            raise self._fail("preload", f'{text}kind = "fixed" with axis.')
+        if self.rest is not None:
+            raise self._fail("rest", ": the preload says where the spring rests; remove one.")
+        if self.soft is not None:
+            raise self._fail("preload", ": soft gives way under it; remove one.")
 
     def _check_driven(self) -> None:
         """Refuse motions that do not begin where bodies are, and what acts along a driven one."""

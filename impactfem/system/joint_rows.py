@@ -120,7 +120,8 @@ class JointFrame:
             turning: Whether both sides turn: else nothing holds turns.
         """
         axis, one, two = self._axis, self._one, self._two
-        space = [(POINT, direction, direction) for direction in self._basis[:dim]]
+        basis = self._basis if self._joint.preload is None else (axis, one, two)  # that row first
+        space = [(POINT, direction, direction) for direction in basis[:dim]]
         across = [(SLIDE, one, one), (SLIDE, two, two)]
         lean = [(DOT, one, axis), (DOT, two, axis)]
         twist = [(DOT, one, two)]

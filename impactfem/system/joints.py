@@ -83,6 +83,8 @@ class Joints:
         rubbing, stopping, driven: Rows of its friction, its limits and its drive, likewise.
         start: Values of the rows at t = 0, (rows,).
         extent: How far from the origin anything is held [m], by which places round.
+        taut: Rows in which preloads act, -1 of joints without, (joints,).
+        slack: By which springs with a preload rest elsewhere [m], (joints,).
     """
 
     joints: tuple[Joint, ...]
@@ -104,6 +106,8 @@ class Joints:
     driven: Integers
     start: Floats
     extent: float
+    taut: Integers
+    slack: Floats
 
     @property
     def count(self) -> int:
@@ -237,7 +241,20 @@ class Joints:
 
     def rest(self, joint: Joint) -> float:
         """Row at which its spring is not strained [rad or m]."""
-        return (joint.start if joint.rest is None else joint.rest) - self.shift(joint)
+        slack = float(self.slack[self.joints.index(joint)]) if self.slack.any() else 0.0
+        return slack + (joint.start if joint.rest is None else joint.rest) - self.shift(joint)
+
+    def tightened(self, values: Floats) -> "Joints":
+        """With preloads as they are where rows have some values, (rows,)."""
+        start, slack = self.start.copy(), self.slack.copy()
+        for k in np.flatnonzero(self.taut >= 0).tolist():
+            joint, row = self.joints[k], self.taut[k]
+            if self.holding[row]:
+                start[row] = values[row]
+            else:
+                pull = float(joint.preload or 0.0) / joint.stiffness
+                slack[k] += values[row] - pull - self.rest(joint)
+        return replace(self, start=start, slack=slack)
 
     def check_start(self, led: float) -> None:
         """Refuse velocities at t = 0 with which bodies part in their joints.
@@ -341,7 +358,7 @@ def joints_of(
         name: np.full(len(scene.couplings), -1)
         for name in ("moving", "rubbing", "stopping", "driven")
     }
-    coordinates: dict[str, int] = {}
+    coordinates, taut = dict[str, int](), np.full(len(scene.couplings), -1)
     for k, joint in enumerate(scene.couplings):
         if joint.between is None:
             continue
@@ -358,12 +375,16 @@ def joints_of(
             joint, (at[k, 0, 0], at[k, 0, 1]), places, turns, swapped=joint.leads and not turn[0],
             basis=next((axes for axes in mine if axes is not None), np.eye(3)),
         )  # fmt: skip
+        if joint.preload is not None and joint.kind == "fixed":
+            taut[k] = len(rows.owner)
         for kind, first, second in made.held(dim, turning=all(turn)):
             made.put(rows, rows.add(k, holds=True), kind, first, second)
         coordinates[joint.name] = len(rows.terms)
         for name in _acting(joint):
             own[name][k] = rows.add(k, holds=name == "driven")
             made.put(rows, int(own[name][k]), *made.coordinate)
+    springs = [joint.preload is not None and joint.kind == "prismatic" for joint in scene.couplings]
+    taut = np.where(springs, own["moving"], taut)
     _add_gears(scene, rows, coordinates)
     kinds, of, bodies, all_arms, all_axes, all_across, shares = zip(*rows.terms, strict=True)
     terms = Terms(
@@ -380,6 +401,7 @@ def joints_of(
         couples([stations.compliance for stations in each], ground.count), terms,
         np.array(rows.owner), np.array(rows.holding), **own,
         start=terms.sums(first, len(rows.owner)), extent=_extent(places, terms.arms, ties),
+        taut=taut, slack=np.zeros(len(scene.couplings)),
     )  # fmt: skip
     found.check_start(ground.fastest(scene.duration))
     return found.without_still()
