@@ -48,6 +48,7 @@ from impactfem.system.few_bodies import few_bodies
 from impactfem.system.joints import Joints, joints_of
 from impactfem.system.located import Located, locate
 from impactfem.system.materials import StandIns, stand_ins
+from impactfem.system.quality import with_quality
 from impactfem.system.regions import HeldRegion, Key
 from impactfem.system.surface import SurfaceNodes
 from impactfem.system.tips import Tips
@@ -76,7 +77,8 @@ class SolidPart:
     @cached_property
     def system(self) -> ElasticSystem:
         """Mass, stiffness, supports and loads (collective at the first use)."""
-        return elastic_system(self.solid, self.scene.vector_gravity, self.mesh)
+        made = elastic_system(self.solid, self.scene.vector_gravity, self.mesh)
+        return with_quality(made, self.solid)
 
     @cached_property
     def foreseen(self) -> StandIns:

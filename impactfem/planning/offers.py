@@ -35,7 +35,7 @@ def offers(scene: Scene) -> dict[str, str]:
 
 def _is_plainly_loaded(solid: Solid) -> bool:
     """Whether nothing but gravity and obstacles acts on a body that does not turn."""
-    damped = solid.rayleigh_mass or solid.rayleigh_stiffness or solid.relaxing
+    damped = solid.rayleigh_mass or solid.retardation or solid.quality_factor or solid.relaxing
     return not (solid.tractions or solid.pressures or damped or turns(solid))
 
 

@@ -78,13 +78,24 @@ def _check_explicit(scene: Content) -> None:
                 text += " where a moment that resists would turn round what it should stop: "
                 raise KeyedError(f"contact[{place}]", law, f"{text}{remedy}")
     for place, solid in enumerate(scene.solids):
-        if solid.retardation:
-            text = f" = {solid.retardation}: explicit steps under finite strain are damped "
-            raise KeyedError(
-                f"body[{place}]", "rayleigh_stiffness", f"{text}by mass only: {remedy}"
-            )
+        _refuse_damping(place, solid, remedy)
         if solid.is_finite and solid.keeps_volume:
             _refuse_volume(place, solid)
+
+
+def _refuse_damping(place: int, solid: Solid, remedy: str) -> None:
+    """Refuse a body that its stiffness damps.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    given: dict[str, float | None] = {"rayleigh_stiffness": solid.retardation}
+    if not solid.supports:  # what nothing holds
+        given["quality_factor"] = solid.quality_factor
+    for name, value in given.items():
+        if value:
+            text = f" = {value}: explicit steps under finite strain are damped by mass only: "
+            raise KeyedError(f"body[{place}]", name, f"{text}{remedy}")
 
 
 def _refuse_volume(place: int, solid: Solid) -> None:

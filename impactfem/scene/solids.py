@@ -242,6 +242,13 @@ class Solid(BodyKind):
     rayleigh_stiffness: float = key(
         Real(at_least=0), "damping by the stiffness matrix", unit="s", default=0.0
     )
+    quality_factor: float | None = key(
+        Real(above=0),
+        "of the first mode of vibration: its energy over what it loses in a radian; by the mass, "
+        "of a body that nothing holds by the stiffness",
+        default=None,
+        absent="none",
+    )
     viscoelastic: MaybeTable[KelvinVoigt | Maxwell] = key(
         InlineTable(tuple(VISCOELASTIC)),
         "how it creeps and relaxes; it is at rest so at t = 0, as if held for long",

@@ -74,6 +74,16 @@ def check_viscoelastic(solid: "Solid") -> None:
         KeyedError: naming the key.
     """
     law = solid.viscoelastic
+    if solid.quality_factor is not None:
+        names = {
+            "rayleigh_mass": solid.rayleigh_mass, "rayleigh_stiffness": solid.rayleigh_stiffness,
+            "viscoelastic": isinstance(law, KelvinVoigt),
+            "materials": solid.materials and solid.retardation,
+        }  # fmt: skip
+        other = next((name for name, damps in names.items() if damps), None)
+        if other is not None:
+            text = f" = {solid.quality_factor} and {other} both damp the body: remove one."
+            raise KeyedError(solid.kind, "quality_factor", text)
     if law is None:
         return
     if isinstance(law, KelvinVoigt):

@@ -40,7 +40,10 @@ def _solids(scene: Scene) -> list[str]:
         found.append("Stress across the plane: the slice is thin and its faces are free.")
     if solids[0].is_axisymmetric:
         found.append("Whatever differs around the axis, twist included.")
-    if not any(solid.rayleigh_mass or solid.retardation or solid.relaxing for solid in solids):
+    if not any(
+        solid.rayleigh_mass or solid.retardation or solid.quality_factor or solid.relaxing
+        for solid in solids
+    ):
         found.append("Damping of the material: the scene gives none.")
     if solids[0].shape is not None and any(s.shape.symmetry for s in solids if s.shape):
         found.append("Whatever is not symmetric about the cuts: one part is computed.")
