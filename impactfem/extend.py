@@ -110,7 +110,8 @@ def register[T](what: T, *, name: str = "", text: str = "") -> T:
         The same, so that it may stand before a class as a decorator.
 
     Raises:
-        SceneError: Its name is taken, or it lacks what is needed.
+        SceneError: Its name is taken, it lacks what is needed, or it is a law or a joint, which
+            are not registered.
     """
     if isinstance(what, type) and issubclass(what, BodyKind):
         _check(what, BodyKind, ("dim", "system"))
@@ -127,7 +128,8 @@ def register[T](what: T, *, name: str = "", text: str = "") -> T:
     else:
         raise SceneError(
             f"register: {show(what)} is neither a body (a class of BodyKind) nor an obstacle (of "
-            "RigidObstacle) nor a SolidScheme or BarScheme"
+            "RigidObstacle) nor a SolidScheme or BarScheme; laws of contact and of materials and "
+            "joints are part of the package, formulas in force, load and motor reach far"
         )
     return what
 
