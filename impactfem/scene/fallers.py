@@ -276,8 +276,8 @@ def _check_even(body: Solid, tables: Mapping[str, Any]) -> None:
     for home, where in homes:
         for name in ("velocity", "displacement", "density", "youngs_modulus"):
             given = home.get(name)
-            each = given if isinstance(given, list) else [given]
-            if any(isinstance(entry, str) for entry in each):
+            entries = given if isinstance(given, list) else [given]
+            if any(isinstance(entry, str) for entry in entries):
                 text = f" = {show(given)} depends on places, which drop moves: give numbers."
                 raise KeyedError(f"body.{body.name}", f"{where}{name}", text)
     for name in ("tractions", "pressures"):

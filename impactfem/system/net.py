@@ -17,7 +17,7 @@ from impactfem.system.link_shapes import named
 from impactfem.system.net_mesh import NetMesh, net_mesh
 from impactfem.system.regions import region, tip
 from impactfem.system.rigid import in_space
-from impactfem.system.stations import Asked, Stations
+from impactfem.system.stations import Asked, Stations, Tied
 
 _STEPS = 10.0  # radians of an edge's vibration in one of the body that steps follow
 _ISOTROPIC = 1e-9  # share of the stiffness by which it may depend on the direction
@@ -68,7 +68,8 @@ class Net(FewBodies):
         """
         of, keys, places, rows = [], list[tuple[int, ...]](), list[Floats](), list[Floats]()
         for name, wanted, radius in asked:
-            nodes = self._held_at(name, wanted, radius)
+            own = None if isinstance(radius, Tied) else radius  # ties hold no nets
+            nodes = self._held_at(name, wanted, own)
             if (key := tuple(nodes.tolist())) not in keys:
                 made = self._station(name, nodes)
                 keys.append(key)

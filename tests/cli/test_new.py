@@ -18,8 +18,11 @@ from impactfem.starting import SCHEMA_NAME, starters
 
 OPTION = re.compile(r"#[a-z\[]")
 VALIDATOR = jsonschema.Draft7Validator(json_schema())
-# Keys that no starter shows: its file would need a mesh of space and time.
-UNSHOWN = {("[solve]", "mesh")}
+# Keys that no starter shows: its file would need a mesh of space and time, or a STEP assembly.
+UNSHOWN = {
+    ("[solve]", "mesh"), ('[[body]] with kind = "rigid"', "part"),
+    ('[[body]] with kind = "solid"', "part"), ('[[obstacle]] with kind = "mesh"', "part"),
+}  # fmt: skip
 
 
 def options(text):
