@@ -217,6 +217,11 @@ def _parser() -> argparse.ArgumentParser:
         help="folder of kinematics.json and kinematics.png (default results/NAME_kinematics)",
     )  # fmt: skip
     _add_searches(command)
+    trajectory = command(commands.trajectory, scene=None)
+    trajectory.add_argument(
+        "--out", metavar="DIR", type=_folder,
+        help="folder of the motion and what follows (default results/NAME_trajectory)",
+    )  # fmt: skip
     command(commands.methods)
     command(commands.scenes)
     schema = command(commands.schema)

@@ -36,6 +36,7 @@ from impactfem.scene.solids import Solid
 from impactfem.scene.springs import SpringNet
 from impactfem.scene.tables import MAX_BODIES, MAX_OBSTACLES, ObjectsKind, SettingsKind
 from impactfem.scene.ties import Tie
+from impactfem.scene.trajectory import TrajectoryKeys
 from impactfem.scene.values import show
 
 type Body = Bar | Solid | Point | Rod | Beam | RigidBody | Mechanism | SpringNet | Plate
@@ -143,6 +144,10 @@ class Content:
     objective: Objective | None = key(
         SettingsKind(Objective, "[objective]"), "what is wanted", default=None,
         absent="the misfits of all measures with data",
+    )  # fmt: skip
+    trajectory: TrajectoryKeys | None = key(
+        SettingsKind(TrajectoryKeys, "[trajectory]"), "a motion that controls shall reach",
+        default=None, absent="none",
     )  # fmt: skip
     drop: Drop | None = key(
         SettingsKind(Drop, "[drop]"), "a fall at whose end the scene starts", default=None,

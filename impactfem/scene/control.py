@@ -47,7 +47,9 @@ class Control:
         Choice(("t", "x")), "whether its pieces follow each other in time, or along a bar",
         default="t",
     )  # fmt: skip
-    pieces: int = key(Integer(1, MAX_PIECES), "how many pieces")
+    pieces: int = key(
+        Integer(1, MAX_PIECES), "how many pieces; a trajectory takes its nodes instead", default=1
+    )
     begin: float = key(
         Real(at_least=0), "where the first piece begins", name="from", unit="s or m", default=0.0
     )
@@ -227,6 +229,8 @@ def _present(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]
         kind = looked_up(data, f"{head}.kind") if head.startswith("body.") else head.split(".")[0]
         if last in keys.get(str(kind), ()):
             return 0
+    if head.startswith("joint.") and last == "motor" and is_missing(data, path):
+        return 0
     found = looked_up(data, path)
     if not is_number(found) and not isinstance(found, str):
         raise NotAllowedError(f"it is {show(found)}; give the path of a formula in t")

@@ -1,6 +1,6 @@
 """Formulas in text form, evaluated by walking their tree with numpy or any other library."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -149,6 +149,15 @@ class Formula:
         found._store(text, variables, _replaced(self._tree, trees), tuple(sorted(named.items())))
         return found
 
+    def marked(self, marks: Sequence[tuple[Node, Any]]) -> "Formula":
+        """Return this formula with the variable "mark K" for the K-th of some of its parts."""
+        found = object.__new__(Formula)
+        tree = self._tree
+        for k, (part, _) in enumerate(marks):
+            tree = _marked(tree, part, ("variable", f"mark {k}"))
+        found._store(self.text, (*self.variables, *(f"mark {k}" for k in range(len(marks)))), tree)
+        return found
+
     def __call__(self, **values: ArrayLike) -> Any:  # float or array of floats
         """Evaluate with numpy.
 
@@ -228,6 +237,21 @@ class Formula:
             raise TypeError(f"unknown node {node!r}")
 
         return walk(self._tree)
+
+
+def _marked(node: Node, part: Node, mark: Node) -> Node:
+    """A tree with a mark in the place of some part."""
+    if node == part:
+        return mark
+    match node:
+        case ("negative", operand):
+            return ("negative", _marked(operand, part, mark))
+        case ("chain", first, steps):
+            marked = tuple((op, _marked(each, part, mark)) for op, each in steps)
+            return ("chain", _marked(first, part, mark), marked)
+        case ("call", name, args):
+            return ("call", name, tuple(_marked(each, part, mark) for each in args))
+    return node
 
 
 def _replaced(node: Node, parts: Mapping[str, Node]) -> Node:

@@ -43,6 +43,7 @@ from impactfem.scene.scene import Scene
 from impactfem.scene.schema import REQUIRED, Key, keys_of
 from impactfem.scene.settings import Window
 from impactfem.scene.tables import ObjectsKind, SettingsKind
+from impactfem.scene.trajectory import FREE, RangesByName
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 _NUMBER = {"type": "number"}
@@ -264,6 +265,12 @@ def _(kind: InlineTable, found: dict[str, Schema]) -> Schema:
 @_schema.register
 def _(kind: TablesByName, found: dict[str, Schema]) -> Schema:
     return {"type": "object", "additionalProperties": _reference(kind.cls, found)}
+
+
+@_schema.register
+def _(_kind: RangesByName, _found: dict[str, Schema]) -> Schema:
+    each = {"anyOf": [_NUMBER, _list(_NUMBER, 2, 2), {"const": FREE}, {"type": "object"}]}
+    return {"type": "object", "additionalProperties": each}
 
 
 @_schema.register

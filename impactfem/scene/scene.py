@@ -61,6 +61,7 @@ from impactfem.scene.tables import (
 )
 from impactfem.scene.ties import Tie
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
+from impactfem.scene.trajectory import TrajectoryKeys
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
 _RARE = (
@@ -237,8 +238,8 @@ class Scene(Content):
 
         Args:
             data: keys ``title, duration, gravity, start, body, obstacle, contact, joint, spring,
-                tie, point_mass, probe, parameter, control, controller, measure, objective, drop,
-                solve, output``.
+                tie, point_mass, probe, parameter, control, controller, measure, objective,
+                trajectory, drop, solve, output``.
             base: folder where relative mesh paths start.
 
         Raises:
@@ -294,7 +295,8 @@ class Scene(Content):
             if name in values:
                 values[name] = read_objects(values[name], name, made, most, 0)
         for name, settings in (
-            ("objective", Objective), ("drop", Drop), ("solve", Solve), ("output", Output),
+            ("objective", Objective), ("trajectory", TrajectoryKeys), ("drop", Drop),
+            ("solve", Solve), ("output", Output),
         ):  # fmt: skip
             if name in values:
                 values[name] = from_table(settings, values[name], name)
@@ -318,7 +320,11 @@ class Scene(Content):
                 parameter.pop("start", None)
         asked = {
             name: plain(table)
-            for name, table in (("objective", self.objective), ("drop", self.drop))
+            for name, table in (
+                ("objective", self.objective),
+                ("trajectory", self.trajectory),
+                ("drop", self.drop),
+            )
             if table is not None
         }
         return data | asked | {"solve": plain(self.solve), "output": plain(self.output)}
@@ -346,6 +352,7 @@ class Scene(Content):
         springs, ties = data.pop("spring", []), data.pop("tie", [])
         masses = data.pop("point_mass", [])
         probes, objective = data.pop("probe"), data.pop("objective", None)
+        wanted = data.pop("trajectory", None)
         parameters, measures = data.pop("parameter", []), data.pop("measure", [])
         controls, controllers = data.pop("control", []), data.pop("controller", [])
         solve, output = data.pop("solve"), data.pop("output")
@@ -364,6 +371,7 @@ class Scene(Content):
             *(("[[controller]]", Controller, entry) for entry in controllers),
             *(("[[measure]]", Measure, entry) for entry in measures),
             *([] if objective is None else [("[objective]", Objective, objective)]),
+            *([] if wanted is None else [("[trajectory]", TrajectoryKeys, wanted)]),
             ("[solve]", Solve, solve),
             ("[output]", Output, output),
         ]

@@ -327,13 +327,12 @@ def _rank(heading: str) -> int:
     inline = (
         "supports", "tractions", "pressures", "outline", "shape", "refine", "springs",
         "orientation", "rotation", "joints", "place", "soft", "materials", "orthotropic", "layers",
-        "model", "noise", "minimise", "constraints",
+        "model", "noise", "minimise", "constraints", "cost",
     )  # fmt: skip
     others = (
         "[[obstacle]]", "[[contact]]", "[[joint]]", "[[spring]]", "[[tie]]", "[[point_mass]]",
         "[[probe]]", "[[parameter]]", "[[control]]", "[[controller]]", "[[measure]]", "[objective]",
-        "[drop]", "[solve]",
-        "[output]",
+        "[trajectory]", "[drop]", "[solve]", "[output]",
     )  # fmt: skip
     order = (TOP, *bodies, *others, *inline)
     return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

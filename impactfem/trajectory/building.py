@@ -1,7 +1,8 @@
 """The nonlinear program of a problem on a mesh, by one of the transcriptions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.trajectory.motion import Motion
 from impactfem.trajectory.nlp import Answer, Program
-from impactfem.trajectory.problem import Problem, bounds_of, held
+from impactfem.trajectory.problem import Problem, Row, bounds_of, held
 from impactfem.trajectory.symbols import loaded
 from impactfem.trajectory.transcriptions import Interval, Spot, Transcription
 
@@ -89,6 +90,7 @@ class Stretch:
         states, nodes = self.guess.states(self.fractions), len(self.fractions)
         u = self._control_unknowns(self.fractions)
         left = self._spot(0, self._state_unknown(ends[0], states[0]), u[0])
+        self._ends(problem.start_rows, left.x)
         halves = 0.5 * (self.fractions[1:] + self.fractions[:-1])
         amid, at_halves = self._control_middles(u, halves), self.guess.states(halves)
         for k in range(1, nodes):
@@ -117,7 +119,13 @@ class Stretch:
             self.rights.append(right)
             left = right
         self._path(left)
+        self._ends(problem.end_rows, left.x)
         program.cost = program.cost + self._last_cost(left)
+
+    def _ends(self, rows: Sequence[Row], x: Any) -> None:
+        for row in rows:
+            low, high, name = row.low / row.size, row.high / row.size, row.name
+            self.program.row(row.of(x) / row.size, low, high, partial(_named, name))
 
     def _last_cost(self, spot: Spot) -> Any:
         if self.problem.final is None:
@@ -202,6 +210,10 @@ class Stretch:
             self.fractions, float(found[7][0]), found[0].reshape(count + 1, n), rates, controls,
             found[8].ravel(), middles,
         )  # fmt: skip
+
+
+def _named(name: str, _: int) -> str:
+    return name
 
 
 def sizes_of(problem: Problem, guess: Guess) -> Sizes:

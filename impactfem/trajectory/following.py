@@ -37,8 +37,7 @@ def followed(problem: Problem, motion: Motion, sizes: Floats) -> Followed:
         sizes: Of states (n,), for the tolerance.
     """
     count, n = motion.intervals, len(problem.states)
-    rate = problem.rate
-    many = rate.map(count)
+    many = problem.rate.map(count)
     times, parameters = motion.times, motion.parameters
     spans = np.diff(times)
 
@@ -50,21 +49,13 @@ def followed(problem: Problem, motion: Motion, sizes: Floats) -> Followed:
         return np.asarray((found * spans).T.ravel())
 
     small = np.tile(TOLERANCE * sizes, count)
-    ends = _integrated(together, 0.0, 1.0, motion.states[:-1].ravel(), small)
+    ends = _integrated(together, 0.0, np.ones(1), motion.states[:-1].ravel(), small)
     defects = ends.reshape(count, n) - motion.states[1:]
     states, cost = np.full((count + 1, n), np.nan), 0.0
     states[0] = motion.states[0]
     for k in range(count):
-        u = motion.controls[k]
-
-        def one(t: float, x: Floats, k: int = k, u: Floats = u) -> Floats:
-            place = (t - times[k]) / spans[k]
-            told = _called(rate, t, x[:n], parabola(u, np.array(place)), parameters)
-            return np.concatenate([told[0].ravel(), told[1].ravel()])
-
-        begun, small = np.append(states[k], cost), np.append(TOLERANCE * sizes, np.inf)
-        end = _integrated(one, times[k], times[k + 1], begun, small)
-        states[k + 1], cost = end[:n], float(end[n])
+        end = _one(problem, motion, sizes, k, np.append(states[k], cost), times[k + 1 : k + 2])
+        states[k + 1], cost = end[0, :n], float(end[0, n])
         if not np.isfinite(end).all():
             break
     if problem.final is not None:
@@ -73,18 +64,46 @@ def followed(problem: Problem, motion: Motion, sizes: Floats) -> Followed:
     return Followed(states, cost, defects)
 
 
-def _integrated(rate: Any, start: float, end: float, begun: Floats, small: Floats) -> Floats:
-    """State at the end; NaN where it cannot be reached."""
+def followed_closely(
+    problem: Problem, motion: Motion, sizes: Floats, pieces: int
+) -> tuple[Floats, Floats]:
+    """The same at more places: times [s] (k,) and states (k, n)."""
+    times, n = motion.times, len(problem.states)
+    moments, states = [times[:1]], [motion.states[:1]]
+    for k in range(motion.intervals):
+        at = np.linspace(times[k], times[k + 1], pieces + 1)[1:]
+        found = _one(problem, motion, sizes, k, np.append(states[-1][-1], 0.0), at)
+        moments.append(at)
+        states.append(found[:, :n])
+    return np.concatenate(moments), np.concatenate(states)
+
+
+def _one(
+    problem: Problem, motion: Motion, sizes: Floats, k: int, begun: Floats, at: Floats
+) -> Floats:
+    """States and cost at times within one interval, (k, n + 1)."""
+    n, u, start = len(problem.states), motion.controls[k], motion.times[k]
+    span = motion.times[k + 1] - start
+
+    def rate(t: float, x: Floats) -> Floats:
+        control = parabola(u, np.array((t - start) / span))
+        told = _called(problem.rate, t, x[:n], control, motion.parameters)
+        return np.concatenate([told[0].ravel(), told[1].ravel()])
+
+    # What only is a sum does not choose the step; SciPy takes no endless tolerance.
+    return _integrated(rate, start, at, begun, np.append(TOLERANCE * sizes, 1e300))
+
+
+def _integrated(rate: Any, start: float, at: Floats, begun: Floats, small: Floats) -> Floats:
+    """States at some times; NaN where they cannot be reached."""
+    lost = np.full((len(at), len(begun)), np.nan)
     if not np.isfinite(begun).all():
-        return np.full(len(begun), np.nan)
+        return lost
     with np.errstate(all="ignore"):
-        # SciPy takes no endless tolerance: what only is a sum does not choose the step.
-        absolute = np.where(np.isfinite(small), small, 1e300)
         found = solve_ivp(
-            rate, (start, end), begun, method="DOP853", rtol=TOLERANCE, atol=absolute,
-            t_eval=[end],
-        )  # fmt: skip
-    return found.y[:, -1] if found.success else np.full(len(begun), np.nan)
+            rate, (start, at[-1]), begun, method="DOP853", rtol=TOLERANCE, atol=small, t_eval=at
+        )
+    return np.asarray(found.y.T) if found.success else lost
 
 
 def _called(function: Any, *given: Any) -> tuple[Floats, ...]:

@@ -26,6 +26,30 @@ type Given = Mapping[str, float | tuple[float, float]]
 
 
 @dataclass(frozen=True)
+class Row:
+    """What is asked at one end of what follows from the states.
+
+    Attributes:
+        name: For messages.
+        of: States to a number, in symbols.
+        low: Least value.
+        high: Largest.
+        size: In which its distance is counted.
+    """
+
+    name: str
+    of: Callable[[Any], Any]
+    low: float
+    high: float
+    size: float
+
+    def off(self, states: Floats) -> float:
+        """How far states (n,) are from it."""
+        value = float(self.of(loaded().DM(states)))
+        return max(self.low - value, value - self.high, 0.0)
+
+
+@dataclass(frozen=True)
 class Problem:
     """A motion that is asked for.
 
@@ -41,6 +65,8 @@ class Problem:
         final: Cost of the end, (T, x[, p]); None: 0.
         path: What stays <= 0 all the way; None: nothing.
         path_names: For messages.
+        start_rows: What else holds at t = 0.
+        end_rows: What else holds at t = T.
     """
 
     dynamics: Callable[..., Any]
@@ -54,6 +80,8 @@ class Problem:
     final: Callable[..., Any] | None = None
     path: Callable[..., Any] | None = None
     path_names: tuple[str, ...] = ()
+    start_rows: tuple[Row, ...] = ()
+    end_rows: tuple[Row, ...] = ()
 
     @classmethod
     def of(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.trajectory.building import Guess, Sizes, Stretch, sizes_of
-from impactfem.trajectory.following import Followed, followed
+from impactfem.trajectory.following import Followed, followed, followed_closely
 from impactfem.trajectory.motion import Motion
 from impactfem.trajectory.nlp import Answer, Program
 from impactfem.trajectory.problem import Given, Limited, Problem, bounds_of, held
@@ -102,6 +102,15 @@ class Transcribed:
         shares = np.atleast_1d(np.asarray(times, dtype=float)) / self._motion.duration
         return self._motion.control_at(shares)
 
+    def follow(self, pieces: int) -> tuple[Floats, Floats]:
+        """What really follows, at so many places in each interval: times (k,), states (k, n)."""
+        return followed_closely(self.problem, self._motion, self._sizes, pieces)
+
+    @property
+    def at_nodes(self) -> Floats:
+        """States at the nodes, (N + 1, n)."""
+        return self._motion.states
+
     def as_guess(self) -> Guess:
         """Where another search begins."""
         return Guess.of(self._motion)
@@ -139,14 +148,14 @@ class Transcribed:
         low, high = held(self.problem.end, bounds_of(self.problem.states), names).T
         last = self._followed.states[-1]
         off = np.maximum(np.maximum(low - last, last - high), 0.0)
-        return {name: float(off[names.index(name)]) for name in self.problem.end}
+        found = {name: float(off[names.index(name)]) for name in self.problem.end}
+        return found | {row.name: row.off(last) for row in self.problem.end_rows}
 
     @property
     def resimulated_end_error(self) -> float:
         """Largest of them, in shares of how far the states move; inf: it could not be followed."""
-        names = list(self.problem.states)
-        found = [off / self._sizes[names.index(name)] for name, off in self.end_errors.items()]
-        return float(np.nan_to_num(max(found, default=0.0), nan=np.inf))
+        shares = [self._share(name) for name in self.end_errors]
+        return max(shares, default=0.0)
 
     @property
     def bounds_exceeded(self) -> float:
@@ -186,8 +195,9 @@ class Transcribed:
         return tuple(found)
 
     def _share(self, name: str) -> float:
-        share = self.end_errors[name] / self._sizes[list(self.problem.states).index(name)]
-        return float(np.nan_to_num(share, nan=np.inf))
+        sizes = {row.name: row.size for row in self.problem.end_rows}
+        sizes |= dict(zip(self.problem.states, self._sizes, strict=True))
+        return float(np.nan_to_num(self.end_errors[name] / sizes[name], nan=np.inf))
 
     @property
     def trusted(self) -> bool:
@@ -261,6 +271,16 @@ def transcribe(
         dynamics, states, controls, parameters, duration, start or {}, end or {},
         running=running, final=final, path=path,
     )  # fmt: skip
+    return solved(
+        problem, transcription, nodes, refine, guess, control=control, most=max_iterations
+    )
+
+
+def solved(
+    problem: Problem, transcription: str, nodes: int, refine: float,
+    guess: "Mapping[str, ArrayLike] | Transcribed | None", *, control: str, most: int,
+) -> Transcribed:  # fmt: skip
+    """Solve a problem; see `transcribe`."""
     row = transcription_of(transcription)
     if control not in {"linear", "constant"}:
         raise SceneError(f'control: "{control}" is not known; give "linear" or "constant"')
@@ -268,7 +288,7 @@ def transcribe(
         raise SceneError(f"nodes: {nodes} is no number of intervals; give 1 to {_NODES}")
     if not 0.0 <= refine < 1.0:
         raise SceneError(f"refine: {refine} is no defect; give 0 (no refinement) to 1, as 1e-6")
-    search = _Search(problem, row, control == "constant", max_iterations)
+    search = _Search(problem, row, control == "constant", most)
     begun = time.perf_counter()
     first = guess.as_guess() if isinstance(guess, Transcribed) else begin(problem, guess or {})
     found = search.refined(np.linspace(0.0, 1.0, nodes + 1), first, refine)

@@ -9,6 +9,7 @@ from impactfem.scene.contacts import Adhesion
 from impactfem.scene.controllers import LinearModel, Noise
 from impactfem.scene.drop import Drop
 from impactfem.scene.schema import TableDoc, keys_of
+from impactfem.scene.trajectory import Cost, TrajectoryKeys
 
 TABLES = {
     '[[body]] with kind = "bar"': Bar,
@@ -38,6 +39,7 @@ TABLES = {
     "[[controller]]": language.Controller,
     "[[measure]]": language.Measure,
     "[objective]": language.Objective,
+    "[trajectory]": TrajectoryKeys,
     "[drop]": Drop,
     "[solve]": Solve,
     "[output]": Output,
@@ -74,6 +76,7 @@ TABLES = {
     "noise = { ... }": Noise,
     "minimise = [{ ... }]": language.Term,
     "constraints = [{ ... }]": language.Limit,
+    "cost = [{ ... }]": Cost,
     "end_loads = [{ end = ... }]": language.EndLoad,
     "adhesion = { ... }": Adhesion,
     "terms = [{ mu = ... }]": language.OgdenTerm,
@@ -116,6 +119,7 @@ def test_every_table_and_key_is_described():
         "controller",
         "measure",
         "objective",
+        "trajectory",
         "drop",
         "solve",
         "output",

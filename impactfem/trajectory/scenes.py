@@ -1,0 +1,344 @@
+"""Motions of scenes: what [trajectory] asks, as a problem of the bodies' coordinates."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from impactfem.arrays import Floats
+from impactfem.errors import SceneError
+from impactfem.scene import Scene
+from impactfem.scene.formula import Formula
+from impactfem.scene.grammar import FormulaError
+from impactfem.scene.obstacles import HalfSpace
+from impactfem.scene.points import Point
+from impactfem.scene.trajectory import TrajectoryKeys
+from impactfem.scene.values import show
+from impactfem.trajectory.bodies import Symbolic, in_symbols, symbolic
+from impactfem.trajectory.problem import Problem, Row
+from impactfem.trajectory.symbols import loaded
+from impactfem.trajectory.transcribing import Transcribed, solved
+
+_COLUMN = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
+_REST = (0.0, 0.0)
+_CORNERS = 16  # of a body that keeps off an obstacle
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A motion of a scene that was found.
+
+    Attributes:
+        scene: As given.
+        found: The motion, in coordinates of the bodies.
+        rests: Columns that end at rest since nothing else was said.
+        unseen: What the motion knows nothing of, for messages.
+        columns: States (n,), controls (m,) and time to all columns, as a function of CasADi.
+        names: Of the columns.
+    """
+
+    scene: Scene
+    found: Transcribed
+    rests: tuple[str, ...]
+    unseen: tuple[str, ...]
+    columns: Any
+    names: tuple[str, ...]
+
+    def table(self, times: Floats, states: Floats) -> dict[str, Floats]:
+        """All columns at some times (k,) of states (k, n)."""
+        controls = self.found.control(times)
+        values = [
+            np.asarray(self.columns(t, x, u), dtype=float).ravel()
+            for t, x, u in zip(times, states, controls, strict=True)
+        ]
+        named = dict(zip(self.names, np.array(values).T, strict=True))
+        return {"time": times, **named, **dict(zip(self.found.controls, controls.T, strict=True))}
+
+
+def trajectory(scene: Scene | str | Path) -> Planned:
+    """Find the motion that [trajectory] of a scene asks for.
+
+    Args:
+        scene: With controls that act on forces, moments or motors of points and rigid bodies.
+
+    Raises:
+        SceneError: It has no such table, or bodies or forces without a form in symbols.
+        MissingDependencyError: CasADi is not installed.
+    """
+    if not isinstance(scene, Scene):
+        scene = Scene.from_toml(scene)
+    wanted = scene.trajectory
+    if wanted is None:
+        raise SceneError(
+            'trajectory: the scene asks for none; give [trajectory] with end = { "COLUMN" = VALUE }'
+        )
+    for control in scene.controls:
+        until = scene.duration if control.end is None else control.end
+        if control.begin > 0.0 or until < scene.duration:
+            raise SceneError(
+                f"control.{control.name}: a trajectory moves it from 0 to its end; leave from and "
+                "until out, and hold it by a path formula"
+            )
+    asked = _Asked(scene, wanted, symbolic(scene))
+    problem = asked.problem()
+    found = solved(
+        problem, wanted.transcription, wanted.nodes, wanted.refine or 0.0, None,
+        control=_course(scene), most=wanted.max_iterations,
+    )  # fmt: skip
+    known = asked.known
+    casadi, tree = loaded(), known.tree
+    columns = casadi.Function(
+        "columns", [tree.t, casadi.vertcat(tree.q, tree.v), known.controls],
+        [casadi.vertcat(*known.columns.values())],
+    )  # fmt: skip
+    return Planned(
+        scene, found, tuple(asked.rests), tuple(asked.unseen), columns, tuple(known.columns)
+    )
+
+
+def _course(scene: Scene) -> str:
+    """How controls go between the nodes of shooting, as they all say."""
+    courses = {control.course for control in scene.controls}
+    return courses.pop() if len(courses) == 1 else "linear"
+
+
+class _Asked:
+    """What a scene asks, of its coordinates."""
+
+    def __init__(self, scene: Scene, wanted: TrajectoryKeys, known: Symbolic) -> None:
+        casadi = loaded()
+        self.scene, self.wanted, self.known = scene, wanted, known
+        tree = known.tree
+        self.x = casadi.vertcat(tree.q, tree.v)
+        self.names = [f.name for f in tree.freedoms] + [f.rate for f in tree.freedoms]
+        self.rests: list[str] = []
+        self.unseen: list[str] = []
+
+    def problem(self) -> Problem:
+        """The problem.
+
+        Raises:
+            SceneError: A column is not known, or a limit cannot be.
+        """
+        casadi, known, tree = loaded(), self.known, self.known.tree
+        x, u, t = self.x, known.controls, tree.t
+        rate = casadi.Function("rate", [t, x, u], [casadi.vertcat(tree.v, known.rate)])
+        states, paths = self._bounds()
+        begun = [*(f.start for f in tree.freedoms), *known.start]
+        start, start_rows = self._ends("start", {
+            name: (value, value) for name, value in zip(self.names, begun, strict=True)
+        })  # fmt: skip
+        end, end_rows = self._ends("end", {})
+        running, final = self._cost()
+        paths = [*paths, *self._gaps(), *self._paths()]
+        limited = casadi.Function("path", [t, x, u], [casadi.vertcat(*(e for _, e in paths))])
+        controls = {control.name: control.limits for control in self.scene.controls}
+        span = self.wanted.duration or (self.scene.duration,)
+        return Problem.of(
+            rate, states, controls, (), (span[0], span[-1]), start, end,
+            running=running, final=final, path=limited if paths else None,
+            path_names=tuple(name for name, _ in paths),
+            start_rows=tuple(start_rows), end_rows=tuple(end_rows),
+        )  # fmt: skip
+
+    def _column(self, key: str, name: str) -> Any:
+        if name not in self.known.columns:
+            text = f"trajectory.{key}.{name}: there is no such column; columns: "
+            raise SceneError(text + ", ".join(self.known.columns))
+        return self.known.columns[name]
+
+    def _as_state(self, column: Any) -> tuple[int, float, float] | None:
+        """Place, slope and offset, if a column is a state but for these."""
+        casadi = loaded()
+        slopes = casadi.jacobian(column, self.x)
+        if not slopes.is_constant() or slopes.nnz() != 1:
+            return None
+        numbers = np.asarray(casadi.evalf(casadi.densify(slopes)), dtype=float).ravel()
+        place = int(np.abs(numbers).argmax())
+        offset = casadi.Function("offset", [self.x], [column])
+        return place, float(numbers[place]), float(offset(np.zeros(len(numbers))))
+
+    def _ends(
+        self, side: str, begun: dict[str, tuple[float, float]]
+    ) -> tuple[dict[str, tuple[float, float]], list[Row]]:
+        """Limits of states at an end, and rows of other columns."""
+        given = dict(getattr(self.wanted, side))
+        states, rows = dict(begun), list[Row]()
+        if side == "end":
+            given = self._rest(given) | given
+        for name, limits in given.items():
+            column = self._column(side, name)
+            one = self._as_state(column)
+            if one is not None:
+                states[self.names[one[0]]] = _moved(limits, one)
+            elif np.isfinite(limits).any():
+                rows.append(self._row(side, name, column, limits))
+        self._check_held(side, rows, given)
+        return {n: v for n, v in states.items() if np.isfinite(v).any()}, rows
+
+    def _check_held(self, side: str, rows: Sequence[Row], given: Mapping[str, Any]) -> None:
+        """Refuse a start that is said of what follows from coordinates that are held."""
+        if side == "start" and rows:
+            raise SceneError(
+                f"trajectory.start.{rows[0].name.partition(' ')[0]}: follows from "
+                f"{', '.join(n for n in self.names if n not in given)}; give these"
+            )
+
+    def _rest(self, given: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+        """Rates that end at 0: those of coordinates that are said, without a word on their own."""
+        found = {}
+        for name in given:
+            rate = _rate_of(name)
+            if rate is not None and rate in self.known.columns and rate not in given:
+                found[rate] = _REST
+        self.rests = list(found)
+        return found
+
+    def _row(self, side: str, name: str, column: Any, limits: tuple[float, float]) -> Row:
+        casadi = loaded()
+        of = casadi.Function("row", [self.x], [column])
+        sizes = [abs(value) for value in limits if np.isfinite(value) and value]
+        low, high = limits
+        told = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+        return Row(f"{name} = {told} at the {side}", of, low, high, max(sizes, default=1.0))
+
+    def _bounds(self) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
+        """Limits of states, and of columns that are none, as paths."""
+        states: dict[str, tuple[float, float]] = dict.fromkeys(self.names, (-np.inf, np.inf))
+        for joint in self.scene.joints:
+            if joint.limits is not None and f"{joint.name}.q" in states:
+                states[f"{joint.name}.q"] = joint.limits[0], joint.limits[1]
+        paths: list[tuple[str, Any]] = []
+        for name, limits in self.wanted.bounds.items():
+            column = self._column("bounds", name)
+            one = self._as_state(column)
+            if one is not None:
+                low, high = _moved(limits, one)
+                least, most = states[self.names[one[0]]]
+                states[self.names[one[0]]] = max(low, least), min(high, most)
+                continue
+            low, high = limits
+            paths += [(f"{name} >= {low:g}", low - column)] * bool(np.isfinite(low))
+            paths += [(f"{name} <= {high:g}", column - high)] * bool(np.isfinite(high))
+        return states, paths
+
+    def _paths(self) -> list[tuple[str, Any]]:
+        """Formulas of columns that stay <= 0."""
+        found = []
+        for index, text in enumerate(self.wanted.path):
+            used: dict[str, Any] = {}
+
+            def named(match: re.Match[str], used: dict[str, Any] = used, index: int = index) -> str:
+                column = self._column(f"path[{index}]", match.group())
+                name = f"column_{_letters(len(used))}"
+                used[name] = column
+                return name
+
+            plain = _COLUMN.sub(named, text)
+            known = {c.name: self.known.controls[k] for k, c in enumerate(self.scene.controls)}
+            known |= used | {"t": self.known.tree.t}
+            try:
+                formula = Formula(plain, tuple(known))
+            except FormulaError as error:
+                raise SceneError(f"trajectory.path[{index}] = {show(text)}: {error}") from None
+            found.append((text, in_symbols(formula, known)))
+        return found
+
+    def _gaps(self) -> list[tuple[str, Any]]:
+        """Contacts stay open: corners and balls keep off half-spaces that stand still."""
+        casadi, found = loaded(), []
+        obstacles = {each.name: each for each in self.scene.obstacles}
+        bodies = {body.name: body for body in self.scene.bodies}
+        for one, two in self._pairs():
+            body, obstacle = bodies[one], obstacles.get(two)
+            nodes = _outline(body)
+            if not isinstance(obstacle, HalfSpace) or obstacle.moves or nodes is None:
+                self.unseen.append(f"{one}.{two}")
+                continue
+            normal = _space(obstacle.normal) / np.linalg.norm(obstacle.normal)
+            for place, radius in zip(*nodes, strict=True):
+                away = self.known.tree.place(one, place) - casadi.DM(_space(obstacle.point))
+                gap = casadi.dot(casadi.DM(normal), away)
+                found.append((f"{one} stays off {two}", radius - gap))
+        return found
+
+    def _pairs(self) -> list[tuple[str, str]]:
+        """What may meet: a body, and an obstacle or another body."""
+        scene = self.scene
+        names = [body.name for body in scene.bodies]
+        if scene.laws.each:
+            said = [tuple(name.partition("/")[0] for name in e.between) for e in scene.laws.each]
+            return [(a, b) if a in names else (b, a) for a, b in said]
+        pairs = [(one, each.name) for one in names for each in scene.obstacles]
+        joined = {joint.bodies for joint in scene.joints}
+        wide = [b.name for b in scene.bodies if not isinstance(b, Point) or b.radius]
+        return pairs + [p for p in combinations(wide, 2) if frozenset(p) not in joined]
+
+    def _cost(self) -> tuple[Any, Any]:
+        """Integrand, and cost of the end."""
+        casadi, known = loaded(), self.known
+        names = [control.name for control in self.scene.controls]
+        terms = [(c.term, c.of, c.weight) for c in self.wanted.cost]
+        terms = terms or [("effort", name, 1.0) for name in names]
+        effort: Any = 0.0
+        time = 0.0
+        for index, (term, of, weight) in enumerate(terms):
+            if term == "time":
+                time += weight
+                continue
+            if of not in names:
+                raise SceneError(
+                    f"trajectory.cost[{index}].of = {show(of)}: there is no such control; "
+                    f"controls: {', '.join(names)}"
+                )
+            effort = effort + weight * known.controls[names.index(of)] ** 2
+        running = casadi.Function(
+            "running", [known.tree.t, self.x, known.controls], [casadi.SX(effort)]
+        )
+        return running, (lambda t, *_: time * t) if time else None
+
+
+def _outline(body: Any) -> tuple[Floats, Floats] | None:
+    """Centres at t = 0 (k, 3) and radii (k,) of balls whose hull it is; None: it is none."""
+    if isinstance(body, Point):
+        return _space(body.position)[None], np.array([body.radius])
+    form = body.form
+    if len(form.rim) or len(form.nodes) > _CORNERS:
+        return None
+    nodes = body.center + (form.nodes - body.center) @ body.rotation.T
+    return np.array([_space(node) for node in nodes]), np.broadcast_to(form.radius, len(nodes))
+
+
+def _space(values: Any) -> Floats:
+    """Three numbers, 0 where fewer are given."""
+    found = np.zeros(3)
+    found[: len(values)] = values
+    return found
+
+
+def _moved(limits: tuple[float, float], one: tuple[int, float, float]) -> tuple[float, float]:
+    """Limits of a state, of those of a column that is slope times it and an offset."""
+    _, slope, offset = one
+    low, high = sorted((limit - offset) / slope for limit in limits)
+    return low, high
+
+
+def _rate_of(column: str) -> str | None:
+    """Column of the rate of one."""
+    head, _, last = column.rpartition(".")
+    rate = {"x": "vx", "y": "vy", "z": "vz", "angle": "spin", "q": "v"}.get(last)
+    return None if rate is None else f"{head}.{rate}"
+
+
+def _letters(number: int) -> str:
+    """A name without digits, of which formulas know none."""
+    found = ""
+    while True:
+        found += chr(ord("a") + number % 26)
+        number //= 26
+        if not number:
+            return found

@@ -1,0 +1,180 @@
+"""Trees of bodies in symbols: M(q) v' = f(t, q, v) from where bodies are at t = 0.
+
+A body's place is a product of exponentials of the motions between it and the ground: each turns
+about an axis, or slides along one, as these lie at t = 0 (Brockett 1984). M is the sum of
+m J^T J + W^T I W, and the inertial forces are d/dt(M v) - d(v^T M v / 2)/dq.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from impactfem.arrays import Floats
+from impactfem.trajectory.symbols import loaded
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """One coordinate of a tree.
+
+    Attributes:
+        name: As columns have it.
+        rate: Name of its rate.
+        turns: Whether it turns about its axis, or slides along it.
+        axis: At t = 0, of length 1 (3,).
+        point: On the axis at t = 0 (3,).
+        start: Coordinate at t = 0 [rad or m].
+    """
+
+    name: str
+    rate: str
+    turns: bool
+    axis: Floats
+    point: Floats
+    start: float
+
+
+@dataclass
+class Part:
+    """A body of a tree.
+
+    Attributes:
+        name: Of it.
+        freedoms: Places in the tree's list of those that move it, from the ground on.
+        mass: [kg].
+        centre: Centre of mass at t = 0 (3,).
+        inertia: About it, along axes of the scene at t = 0 (3, 3).
+    """
+
+    name: str
+    freedoms: Sequence[int]
+    mass: float
+    centre: Floats
+    inertia: Floats
+
+
+@dataclass
+class Tree:
+    """Bodies that move by coordinates, in symbols.
+
+    Attributes:
+        freedoms: Coordinates.
+        parts: Bodies.
+        pushes: Generalised forces, added up (d,).
+    """
+
+    freedoms: list[Freedom]
+    parts: dict[str, Part]
+    pushes: list[Any] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        casadi = loaded()
+        self.t = casadi.SX.sym("t")
+        self.q = casadi.SX.sym("q", len(self.freedoms))
+        self.v = casadi.SX.sym("v", len(self.freedoms))
+        self._poses = {name: self._pose(part.freedoms) for name, part in self.parts.items()}
+
+    def _pose(self, moved: Sequence[int]) -> tuple[Any, Any, Any]:
+        """Rotation and shift of what was at x at t = 0, and how rates turn it (3, d)."""
+        casadi = loaded()
+        turn, shift = casadi.SX.eye(3), casadi.SX.zeros(3)
+        spins = casadi.SX.zeros(3, len(self.freedoms))
+        for k in moved:
+            freedom, axis = self.freedoms[k], casadi.DM(self.freedoms[k].axis)
+            way = self.q[k] - freedom.start
+            if freedom.turns:
+                spins[:, k] = turn @ axis
+                rotation, point = _rotation(freedom.axis, way), casadi.DM(freedom.point)
+                shift = shift + turn @ (point - rotation @ point)
+                turn = turn @ rotation
+            else:
+                shift = shift + turn @ (axis * way)
+        return turn, shift, spins
+
+    def place(self, part: str | None, point: Floats) -> Any:
+        """Where a material point of a body is that was somewhere at t = 0 (3,); None: ground."""
+        casadi = loaded()
+        at = casadi.DM(_in_space(point))
+        if part is None:
+            return casadi.SX(at)
+        turn, shift, _ = self._poses[part]
+        return turn @ at + shift
+
+    def centre(self, part: str) -> Any:
+        """Of a body (3,)."""
+        return self.place(part, self.parts[part].centre)
+
+    def spin(self, part: str) -> Any:
+        """Angular velocity (3,)."""
+        return self._poses[part][2] @ self.v
+
+    def rate(self, place: Any) -> Any:
+        """How something that follows from q changes."""
+        return loaded().jtimes(place, self.q, self.v)
+
+    def turned(self, part: str | None, direction: Floats) -> Any:
+        """A direction of a body that was so at t = 0 (3,)."""
+        casadi = loaded()
+        along = casadi.DM(_in_space(direction))
+        return casadi.SX(along) if part is None else self._poses[part][0] @ along
+
+    def push(self, place: Any, force: Any) -> None:
+        """A force on a place (3,), or on any function of q."""
+        self.pushes.append(loaded().jacobian(place, self.q).T @ force)
+
+    def twist(self, part: str, moment: Any) -> None:
+        """A moment on a body (3,)."""
+        self.pushes.append(self._poses[part][2].T @ moment)
+
+    def mass(self) -> Any:
+        """M(q), (d, d)."""
+        casadi = loaded()
+        count = len(self.freedoms)
+        total = casadi.SX.zeros(count, count)
+        for name, part in self.parts.items():
+            moves = casadi.jacobian(self.centre(name), self.q)
+            total += part.mass * (moves.T @ moves)
+            if part.inertia.any():
+                turn, _, spins = self._poses[name]
+                own = turn.T @ spins
+                total += own.T @ casadi.DM(part.inertia) @ own
+        return total
+
+    def forward(self) -> Any:
+        """V' (d,)."""
+        casadi = loaded()
+        mass = self.mass()
+        impulse = mass @ self.v
+        drift = casadi.jtimes(impulse, self.q, self.v)
+        drift -= casadi.gradient(casadi.dot(self.v, impulse) / 2, self.q)
+        return _solved(mass, sum(self.pushes) - drift)
+
+
+def _solved(matrix: Any, right: Any) -> Any:
+    """Of a symmetric positive definite system, by Cholesky's factors in symbols."""
+    casadi = loaded()
+    factors, diagonal, order = casadi.ldl(matrix)
+    return casadi.ldl_solve(right, factors, diagonal, order)
+
+
+def _rotation(axis: Floats, angle: Any) -> Any:
+    """Matrix of a turn about an axis of length 1, (3, 3) (Rodrigues)."""
+    casadi = loaded()
+    x, y, z = axis
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    along = np.outer(axis, axis)
+    c, s = casadi.cos(angle), casadi.sin(angle)
+    return (
+        casadi.sparsify(casadi.SX(casadi.DM(along)))
+        + c * casadi.sparsify(casadi.DM(np.eye(3) - along))
+        + s * casadi.sparsify(casadi.DM(across))
+    )
+
+
+def _in_space(values: Any) -> Floats:
+    """Three numbers, 0 where fewer are given."""
+    found = np.zeros(3)
+    found[: len(values)] = values
+    return found

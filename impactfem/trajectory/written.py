@@ -1,0 +1,126 @@
+"""Files of a motion that was found: its table, what really follows, the figures, a picture."""
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from impactfem.arrays import Floats
+from impactfem.errors import OutputError
+from impactfem.report.sheet import Sheet, write_png
+from impactfem.report.table import table
+from impactfem.trajectory.scenes import Planned
+
+_FINE = 10  # rows of what follows in each interval
+
+
+def trajectory_table(planned: Planned) -> str:
+    """A motion for a terminal."""
+    found = planned.found
+    asked = "as asked" if found.problem.duration[0] == found.problem.duration[1] else "searched"
+    missed = f"misses the end by {found.resimulated_end_error:.2g} (allowed {found.allowed:.2g})"
+    rows = [
+        ("status", found.status),
+        ("cost", f"{found.cost:.9g} ({found.resimulated_cost:.9g} of what really follows)"),
+        ("duration", f"{found.duration:.9g} s, {asked}"),
+        ("transcription", f"{found.transcription}, intervals {_several(found.rounds)}"),
+        ("defect", f"{found.defect_max:.2g} of how far a state moves, from node to node"),
+        ("what follows", f"{found.resimulated_distance:.2g} away at most, {missed}"),
+        ("optimality", f"{found.kkt_residual:.2g}"),
+        ("cost of it", f"{found.iterations} iterations, {found.seconds:.3g} s"),
+    ]  # fmt: skip
+    return table([*rows, *(("doubt", each) for each in found.doubts), *_notes(planned)])
+
+
+def _notes(planned: Planned) -> list[tuple[str, str]]:
+    found = []
+    if planned.rests:
+        told = ", ".join(planned.rests)
+        found.append(("note", f'ends at rest, since nothing else is said: {told}; or say "free"'))
+    if planned.unseen:
+        told = ", ".join(planned.unseen)
+        found.append(("note", f"contact of {told} is no part of this motion: run the scene"))
+    return found
+
+
+def _several(rounds: tuple[int, ...]) -> str:
+    return ", then ".join(map(str, rounds))
+
+
+def write_trajectory(planned: Planned, folder: Path, run: Mapping[str, Any]) -> None:
+    """Write trajectory.csv, resimulated/history.csv, summary.json and trajectory.png.
+
+    Args:
+        planned: What was found.
+        folder: Where.
+        run: Date, versions, machine and command.
+
+    Raises:
+        OutputError: They cannot be written.
+    """
+    found = planned.found
+    summary = found.summary | {
+        "ends_at_rest": list(planned.rests), "unseen_contacts": list(planned.unseen),
+        "doubts": list(found.doubts), "resimulated_by": "dop853", "run": dict(run),
+    }  # fmt: skip
+    fine = followed_table(planned)
+    texts = {
+        "trajectory.csv": _csv(planned.table(found.times, found.at_nodes)),
+        "resimulated/history.csv": _csv(fine),
+        "summary.json": json.dumps(_finite(summary), indent=1) + "\n",
+        "scene.toml": planned.scene.to_toml(folder=folder),
+    }
+    try:
+        for name, text in texts.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        write_png(trajectory_picture(planned, fine), folder / "trajectory.png")
+    except OSError as error:
+        why = f"{folder}: cannot be written ({error.strerror}); choose another folder (--out)"
+        raise OutputError(why) from None
+
+
+def followed_table(planned: Planned) -> dict[str, Floats]:
+    """What really follows, at places between nodes too."""
+    times, states = planned.found.follow(_FINE)
+    return planned.table(times, states)
+
+
+def trajectory_picture(planned: Planned, fine: Mapping[str, Floats]) -> Any:
+    """Coordinates and controls over time: nodes as dots, what follows as lines."""
+    found = planned.found
+    count = len(found.problem.states) // 2
+    sheet = Sheet(7.0, 5.5)
+    for part, names in ((0, list(found.states)[:count]), (1, list(found.controls))):
+        axes = sheet.add_subplot(2, 1, 1 + part)
+        nodes = found.states | found.controls
+        for name in names:
+            (line,) = axes.plot(fine["time"], fine[name], label=name)
+            axes.plot(found.times, nodes[name], ".", color=line.get_color())
+        axes.legend()
+        axes.set_xlabel("t [s]")
+    return sheet
+
+
+def _csv(columns: Mapping[str, Floats]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(
+        [[repr(float(value)) for value in row] for row in zip(*columns.values(), strict=True)]
+    )
+    return out.getvalue()
+
+
+def _finite(value: Any) -> Any:
+    """As JSON has it: no infinite numbers."""
+    if isinstance(value, Mapping):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
