@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats, Integers
-from impactfem.contact.ball_kernels import gaps_of, near_among, near_of
+from impactfem.contact.ball_kernels import gaps_of, near_among, near_of, ranked
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting
 from impactfem.errors import ConvergenceError
@@ -71,18 +71,13 @@ class BallCrowd(Anew):
     def nodes_of(self, pairs: Integers, gap: Floats) -> Integers:
         """Nodes of pairs with some gaps, the closest first in their choice, (pairs, 2)."""
         nodes, shared = self.ends[pairs], self.shared[pairs]
-        flat, room = nodes.ravel(), shared.ravel()
-        order = np.lexsort((np.repeat(gap, 2), flat))
-        ranked = flat[order]
-        first = np.searchsorted(ranked, ranked)
-        rank = np.empty(len(flat), dtype=np.int64)
-        rank[order] = np.arange(len(flat)) - first
-        if ((room > 0) & (rank >= room)).any():
+        rank = np.asarray(ranked(nodes, gap))
+        if ((shared > 0) & (rank >= shared)).any():
             raise ConvergenceError(
-                f"more than {room.max()} balls lie around one, in each other: use a smaller "
+                f"more than {shared.max()} balls lie around one, in each other: use a smaller "
                 "solve.dt"
             )
-        return np.asarray(flat + np.where(room > 0, rank, 0)).reshape(-1, 2)
+        return np.asarray(nodes + np.where(shared > 0, rank, 0))
 
 
 class NearPairs:
@@ -152,8 +147,10 @@ class NearPairs:
     def _lend(self, near: Integers) -> None:
         """Give gaps to pairs that have come near, in rising order, and take those of others."""
         before, free = self.held, np.flatnonzero(self.held < 0)
-        given_back = np.flatnonzero((before >= 0) & ~np.isin(before, near))
-        new = np.setdiff1d(near, before, assume_unique=True)
+        at = np.minimum(np.searchsorted(near, before), len(near) - 1)
+        stays, known = near[at] == before, np.zeros(len(near), dtype=bool)
+        known[at[stays]] = True
+        given_back, new = np.flatnonzero((before >= 0) & ~stays), near[~known]
         if len(new) > len(free):
             free = np.concatenate([free, given_back])
         if len(new) > len(free):

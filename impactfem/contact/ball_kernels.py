@@ -127,3 +127,20 @@ def reached(points, thick, farther, places, simplices):
         for k in range(corners):
             chosen[s] = chosen[s] or touched[simplices[s, k]]
     return reach, chosen
+
+
+@compiled
+def ranked(nodes, gap):
+    """How many pairs of a ball are closer than each one, (pairs, 2).
+
+    Args:
+        nodes: First nodes of both balls, (pairs, 2).
+        gap: Of the pairs [m].
+    """
+    found = np.empty(nodes.shape, dtype=np.int64)
+    seen = np.zeros(nodes.max() + 1 if len(nodes) else 1, dtype=np.int64)
+    for j in np.argsort(gap, kind="mergesort"):
+        for k in range(2):
+            found[j, k] = seen[nodes[j, k]]
+            seen[nodes[j, k]] += 1
+    return found

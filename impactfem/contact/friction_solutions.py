@@ -103,7 +103,10 @@ def dependent(problem: ConeProblem, force: Floats) -> Floats:
     """
     pairs, dim = force.shape
     each = [np.zeros((pairs * dim, 0))]
+    own_answers = problem.matrix.diagonal().reshape(pairs, dim)
     for own in problem.islands():
+        if len(own) == 1 and own_answers[own[0]].all():
+            continue  # one contact answers to each part of its force by itself
         alone = _dependent(problem.part(own), force[own])
         each.append(np.zeros((pairs, dim, alone.shape[1])))
         each[-1][own] = alone.reshape(len(own), dim, -1)

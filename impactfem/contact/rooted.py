@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from impactfem.arrays import Floats, Integers
-from impactfem.contact.rooted_kernels import own_of, squares_of
+from impactfem.contact.rooted_kernels import islands_among, own_of, squares_of
 from impactfem.contact.sparse_rows import across, rows_of, times
 
 
@@ -53,15 +52,10 @@ class Rooted:
 
     def islands(self, dim: int) -> list[Integers]:
         """Pairs of so many rows that move each other: what acts on a body moves all of it."""
-        pairs, roots = len(self) // dim, self.roots
-        body = pairs + roots.indices
-        own = np.repeat(np.arange(len(self)) // dim, np.diff(roots.indptr))
-        size = pairs + roots.shape[1]
-        graph = csr_matrix((np.ones(len(own), dtype=bool), (own, body)), shape=(size, size))
-        _, island = connected_components(graph, directed=False)
-        order = np.argsort(island[:pairs], kind="stable")
-        cuts = np.flatnonzero(np.diff(island[:pairs][order])) + 1
-        return [np.sort(part) for part in np.split(order, cuts)]
+        ends, columns, _ = rows_of(self.roots)
+        island = islands_among(ends, columns, len(self) // dim, dim, self.roots.shape[1])
+        order = np.argsort(island, kind="stable")
+        return np.split(order, np.flatnonzero(np.diff(island[order])) + 1)
 
     def sparse(self) -> csr_matrix:
         """A as a sparse matrix."""

@@ -39,6 +39,39 @@ def own_of(ends, columns, values, pairs, dim):
 
 
 @compiled
+def islands_among(ends, columns, pairs, dim, size):
+    """The island of each pair that moves others, numbered by their first pairs, (pairs,).
+
+    Args:
+        ends, columns: R as SciPy has sparse rows; what acts on a body moves all of it.
+        pairs: Their number.
+        dim: Rows of each.
+        size: Number of coordinates.
+    """
+    above = np.arange(pairs + size)
+    for j in range(pairs):
+        for k in range(ends[j * dim], ends[(j + 1) * dim]):
+            one, two = j, pairs + columns[k]
+            while above[one] != one:
+                above[one] = above[above[one]]
+                one = above[one]
+            while above[two] != two:
+                above[two] = above[above[two]]
+                two = above[two]
+            above[max(one, two)] = min(one, two)
+    found, number, count = np.empty(pairs, dtype=np.int64), np.full(pairs + size, -1), 0
+    for j in range(pairs):
+        one = j
+        while above[one] != one:
+            one = above[one]
+        if number[one] < 0:
+            number[one] = count
+            count += 1
+        found[j] = number[one]
+    return found
+
+
+@compiled
 def squares_of(ends, values):
     """Sums of the squares of rows, (rows,): the diagonal of R R^T; arguments as of `own_of`."""
     found = np.zeros(len(ends) - 1)

@@ -25,6 +25,7 @@ from impactfem.marching.rigid_kernels import (
     gone_on,
     looked_at,
     placed,
+    rolled_to,
     root_entries,
     settled,
     spun,
@@ -32,6 +33,7 @@ from impactfem.marching.rigid_kernels import (
     summed,
     turned_further,
     velocities_of,
+    whirls,
 )
 from impactfem.marching.rigid_start import RigidAtRest
 from impactfem.marching.rigid_sums import about_axes, applied, on_bodies
@@ -272,13 +274,9 @@ class RigidBodies(Meshless):
 
     def _whirl(self, body: int | slice = slice(None)) -> Floats:
         """Mean spins of the layer in space, (3,) or (bodies, 3)."""
-        found = applied(self._turn[body], 0.5 * (self._spin[body] + self._spin_ahead[body]))
-        if not self._turns_freely:
-            return found
-        whirls = (applied(self._turn, self._spin), applied(self.end, self._spin_ahead))
-        mean = (0.5 * (whirls[0] + whirls[1]))[body]
-        far = self._span * np.linalg.norm(mean, axis=-1, keepdims=True) >= LARGEST
-        return np.where(far, mean, found)  # others do not turn so far
+        far = LARGEST / self._span if self._turns_freely else np.inf
+        found = whirls(self._turn, self._spin, self.end, self._spin_ahead, far)
+        return np.asarray(found[body])
 
     def take(
         self, speeds: Floats, spins: Floats, halves: Floats, ends: Floats, middles: Floats,
@@ -402,14 +400,14 @@ class RigidBodies(Meshless):
         Args:
             normals: Of the gaps of nodes, towards them, (count, dim).
         """
-        towards = in_space(normals)
         self._roll_on(normals)
         spins = self._whirl()
         beyond = self._around(self._middle) + self._offset
-        moved = self._around(self.end) - self._begun
         none = np.zeros_like(spins[None])
         ways = carried(none, self._span * spins[None], self.apart, beyond, self._dim)[0]
-        self._normals = towards if self._rims else self._normals
+        if not self._rims:
+            return np.asarray(ways)
+        self._normals, moved = in_space(normals), self._around(self.end) - self._begun
         return np.asarray(ways - moved[:, : self._dim])
 
     @property
@@ -472,8 +470,8 @@ class RigidBodies(Meshless):
 
     def _roll_on(self, normals: Floats) -> None:
         """Forces act where bodies that roll touch, by the normals of their nodes (count, dim)."""
-        self._offset = self.offsets(normals)
-        self.acting = self._amid + self._around(self._middle) + self._offset
+        more = self._amid, self._around(self._middle)
+        self._offset, self.acting = rolled_to(normals, self._roll, self._following, *more)
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
         """Velocities where nodes touch at both ends of the layer without contact forces."""

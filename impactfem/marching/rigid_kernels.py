@@ -7,7 +7,7 @@ import numpy as np
 
 from impactfem.compiled import compiled
 from impactfem.marching.turn_kernels import turn
-from impactfem.system.vector_kernels import across, by, dot
+from impactfem.system.vector_kernels import across, by, dot, plus, put
 
 
 @compiled
@@ -230,6 +230,46 @@ def spun(arms, dim):
         found[1, i, 0], found[1, i, 2] = z, -x
         found[2, i, 0], found[2, i, 1] = -y, x
     return found
+
+
+@compiled
+def whirls(rotations, spins, ends, spins_ahead, far):
+    """Mean spins of a step in space, (bodies, 3).
+
+    Args:
+        rotations, spins: At its start, along the axes of the bodies.
+        ends, spins_ahead: At its end.
+        far: Spin from which on the mean is that of both ends in space [rad/s]; inf: none is.
+    """
+    found = np.empty_like(spins)
+    for k in range(len(spins)):
+        a, b = spins[k], spins_ahead[k]
+        mean = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2]))
+        put(by(rotations[k], mean), 1.0, found[k])
+        if far < np.inf:
+            whole = plus(by(rotations[k], a), 1.0, by(ends[k], b))
+            if 0.5 * np.sqrt(dot(whole, whole)) >= far:
+                put(whole, 0.5, found[k])
+    return found
+
+
+@compiled
+def rolled_to(normals, roll, following, amid, beyond):
+    """From nodes to where they touch, and the arms there, (places, 3) each.
+
+    Args:
+        normals: Of their gaps, (places, dim).
+        roll: Radii about which they roll [m], (places, 1).
+        following: What follows nodes in space [m], (places, 3).
+        amid, beyond: Arms amid the step, and what is added to them.
+    """
+    offset, acting = following.copy(), np.empty_like(amid)
+    for i in range(len(normals)):
+        for c in range(normals.shape[1]):
+            offset[i, c] -= roll[i, 0] * normals[i, c]
+        for c in range(3):
+            acting[i, c] = amid[i, c] + beyond[i, c] + offset[i, c]
+    return offset, acting
 
 
 @compiled
