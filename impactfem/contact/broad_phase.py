@@ -6,15 +6,19 @@ the work grows with the number of faces and with reach over size of the faces, n
 Faces are sorted by size in powers of two: few large ones do not make many small ones costly.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy.spatial import KDTree
 
 from impactfem.arrays import Floats, Integers
+from impactfem.contact.line_kernels import near_ways
 from impactfem.contact.mortar_surface import Surface, unit
 
 FACING = 0.2
 """Least cosine between one normal and the other reversed for two faces to be opposite."""
 
+_FEW = 50_000  # pairs of faces up to which each is looked at
 _CHUNK = 5_000  # faces looked at in one go: bounds the memory
 
 
@@ -46,12 +50,15 @@ def candidates(
     level_here, level_there = _levels(here.radius), _levels(there.radius)
     for small in np.unique(level_there):
         mine = np.flatnonzero(level_there == small)
-        tree, size = KDTree(there.centre[mine]), float(there.radius[mine].max())
+        size = float(there.radius[mine].max())
+        tree = KDTree(there.centre[mine]) if len(mine) * len(looking) > _FEW else None
         for level in np.unique(level_here[looking]):
             faces = looking[level_here[looking] == level]
             for start in range(0, len(faces), _CHUNK):
                 some = faces[start : start + _CHUNK]
-                pair = _near(here, some, begin, end, tree, size)
+                few = len(some) * len(mine) <= _FEW
+                looks = there.centre[mine] if few else tree
+                pair = _near(here, some, begin, end, looks, size)
                 pair[:, 1] = mine[pair[:, 1]]
                 found.append(_opposite(here, there, pair, begin, end))
     pairs = np.concatenate(found)
@@ -62,7 +69,7 @@ def candidates(
 
 
 def _near(
-    here: "_Balls", faces: Integers, begin: Floats, end: Floats, tree: KDTree, size: float
+    here: "_Balls", faces: Integers, begin: Floats, end: Floats, tree: Any, size: float
 ) -> Integers:
     """Some faces and the centres of a tree near their ways, (pairs, 2); repeated if met twice.
 
@@ -71,11 +78,15 @@ def _near(
         faces: Some of these, of about the same size.
         begin: Where the ways of all faces begin [m].
         end: Where they end [m].
-        tree: Centres of faces of the other.
+        tree: Centres of faces of the other, of few of them as an array.
         size: Largest radius of these faces [m].
     """
     step = 2.0 * (float(here.radius[faces].max()) + size)
     counts = np.maximum(np.ceil((end[faces] - begin[faces]) / step), 1.0).astype(np.int64)
+    if isinstance(tree, np.ndarray):
+        paces, balls = (end[faces] - begin[faces]) / counts, (here.centre, here.radius, here.normal)
+        own = faces, counts, paces, begin[faces], balls, here.tilt, tree, size
+        return np.asarray(near_ways(*own))
     face = np.repeat(faces, counts)
     part = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5
     pace = np.repeat((end[faces] - begin[faces]) / counts, counts)

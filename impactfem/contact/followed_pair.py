@@ -13,6 +13,8 @@ from impactfem.arrays import Floats, Integers
 from impactfem.contact.meeting import Meeting, Turning
 from impactfem.contact.mortar import MortarPairs
 from impactfem.contact.mortar_surface import Surface, unit
+from impactfem.contact.sparse_kernels import spread_rows
+from impactfem.contact.sparse_rows import rows_of, times
 
 FAR = 1e30
 """Gap of a multiplier whose part of the surface has nothing before it [m]."""
@@ -107,7 +109,7 @@ class FollowedPair:
         area[at] = found.area
         weights = pair_weights(found, self._rows, at, (count, self._total))
         other = self._pair.surfaces[1].moved(places[self._rows[1]])
-        ways, opposite = weights[at] @ places, opposite_normals(other, found)
+        ways, opposite = times(weights, places)[at], opposite_normals(other, found)
         along = np.einsum("ij,ij->i", opposite, ways)
         # Far off, what is seen aslant may turn its back to the way.
         turned = (along < 0.0) & (found.gap > self._near)
@@ -117,11 +119,11 @@ class FollowedPair:
 
     def _patch(self, found: MortarPairs, at: Integers) -> csr_matrix:
         """Nodes of the carrier by their weights: its faces have the size of what they see."""
-        own = abs(found.carrier_weights).tocoo()
-        return csr_matrix(
-            (own.data, (at[own.row], self._rows[0][own.col])),
-            shape=(len(self._corners), self._total),
-        )
+        ends, columns, values = rows_of(found.carrier_weights)
+        counts = np.zeros(len(self._corners) + 1, dtype=np.int32)
+        counts[at + 1] = np.diff(ends)
+        shape = len(self._corners), self._total
+        return csr_matrix((np.abs(values), self._rows[0][columns], np.cumsum(counts)), shape=shape)
 
 
 def opposite_normals(other: Surface, found: MortarPairs) -> Floats:
@@ -136,7 +138,7 @@ def opposite_normals(other: Surface, found: MortarPairs) -> Floats:
     summed = np.zeros_like(other.points)
     for place in range(nodes.shape[1]):
         np.add.at(summed, nodes[:, place], normals)
-    return unit(found.other_weights @ summed)
+    return unit(times(found.other_weights, summed))
 
 
 def along_ways(way: Floats, normal: Floats, size: float) -> tuple[Floats, Floats]:
@@ -171,16 +173,9 @@ def pair_weights(
         at: Row of each multiplier.
         shape: Of the result: rows and all contact nodes.
     """
-    here, there = found.carrier_weights, found.other_weights
-    lines = [np.repeat(at, np.diff(part.indptr)) for part in (here, there)]
-    columns = [own[part.indices] for own, part in zip(rows, (here, there), strict=True)]
-    return csr_matrix(
-        (
-            np.concatenate([here.data, -there.data]),
-            (np.concatenate(lines), np.concatenate(columns)),
-        ),
-        shape=shape,
-    )
+    here, there = (rows_of(part) for part in (found.carrier_weights, found.other_weights))
+    entries = spread_rows(here, there, at, (rows[0], rows[1]), shape[0])
+    return csr_matrix(entries, shape=shape)
 
 
 def _largest(side: Surface) -> float:

@@ -31,13 +31,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.broad_phase import candidates
+from impactfem.contact.line_kernels import summed_blocks
 from impactfem.contact.mortar_faces import face_overlaps, face_ways
 from impactfem.contact.mortar_lines import line_overlaps, line_ways
 from impactfem.contact.mortar_surface import Overlap, Surface, unit
+from impactfem.contact.sparse_kernels import scaled_rows
+from impactfem.contact.sparse_rows import rows_of, times
 
 _CHUNK = 10_000  # pairs of faces integrated at once: bounds the memory
 _ROUNDING = 1e-10  # share of coordinates that counts as nothing
@@ -198,6 +201,8 @@ def _visible(pairs: Integers, cover: Floats, gap: Floats) -> NDArray[np.bool_]:
     face = pairs[:, 0]
     total = np.bincount(face, cover)
     crowded = np.flatnonzero(total[face] > 1.0 + _FULL)
+    if not len(crowded):
+        return kept
     order = crowded[np.lexsort((np.abs(gap[crowded]), face[crowded]))]
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))
     before = np.cumsum(cover[order]) - cover[order]
@@ -236,15 +241,17 @@ def _gather(
             )
         faces.append(some)
     integrals = here.matrix(), there.matrix()
-    area = np.asarray(integrals[0].sum(axis=1)).ravel()
+    area = times(integrals[0], np.ones(nodes))
     full = _corner_areas(carrier, thickness=thickness, axisymmetric=axisymmetric)
     chosen = np.flatnonzero(area > least * full)
+    weights = [
+        csr_array(
+            scaled_rows(*rows_of(part), chosen, 1.0 / area[chosen]), shape=(len(chosen), size)
+        )
+        for part, (_, size) in zip(integrals, sizes, strict=True)
+    ]
     normal = -unit(vectors[chosen])
-    scale = 1.0 / area[chosen]
-    weights = [part[chosen] for part in integrals]
-    for part in weights:
-        part.data *= np.repeat(scale, np.diff(part.indptr))
-    way = weights[0] @ carrier.points - weights[1] @ other.points
+    way = times(weights[0], carrier.points) - times(weights[1], other.points)
     return MortarPairs(
         chosen,
         weights[0],
@@ -261,22 +268,17 @@ class _Sum:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._shape = shape
-        self._entries: list[tuple[Integers, Integers, Floats]] = []
+        self._parts: list[csr_array] = []
 
     def add(self, rows: Integers, columns: Integers, values: Floats) -> None:
         """Add blocks (pairs, rows of a block, columns of a block)."""
-        at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
-        entries = values.ravel(), tuple(place.ravel() for place in at)
-        part = coo_array(entries, shape=self._shape)
-        part.sum_duplicates()
-        self._entries.append((*part.coords, part.data))
+        blocks = (np.ascontiguousarray(each) for each in (rows, columns, values))
+        self._parts.append(csr_array(summed_blocks(*blocks, self._shape), shape=self._shape))
 
     def matrix(self) -> csr_array:
         """The sum."""
-        if not self._entries:
-            return csr_array(self._shape)
-        rows, columns, values = (np.concatenate(part) for part in zip(*self._entries, strict=True))
-        return csr_array(coo_array((values, (rows, columns)), shape=self._shape))
+        first, *others = self._parts or [csr_array(self._shape)]
+        return csr_array(sum(others, first))
 
 
 def _corner_areas(carrier: Surface, *, thickness: float, axisymmetric: bool) -> Floats:

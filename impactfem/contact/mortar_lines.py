@@ -11,10 +11,13 @@ Eng. 62 (2005) 1183-1225). An end y of the other part is seen at the root of the
 and a point x(s) of the overlap sees y_1 + e (y_2 - y_1) with a linear equation for e.
 """
 
+from functools import cache
+
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.broad_phase import FACING
+from impactfem.contact.line_kernels import overlaps, ways_of
 from impactfem.contact.mortar_surface import Overlap, Surface, unit
 
 _SMOOTH = float(np.cos(np.pi / 4))  # lines at a larger angle meet in an edge, with a normal each
@@ -26,18 +29,8 @@ def line_ways(side: Surface) -> Floats:
     An end shared by two lines looks along the mean of their normals, unless these are more than
     45 degrees apart.
     """
-    at = np.linspace(0.0, 1.0, side.degree + 1)
-    tangents = np.einsum("qk,fkd->fqd", _line(at, side.degree)[1], side.points[side.faces])
-    own = unit(np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1) * side.sides[:, None, None])
-    total, count = np.zeros_like(side.points), np.zeros(len(side.points))
-    for end, place in ((0, 0), (1, -1)):
-        np.add.at(total, side.faces[:, end], own[:, place])
-        np.add.at(count, side.faces[:, end], 1.0)
-    smooth = (count == 2) & (np.einsum("nd,nd->n", total, total) > 2.0 + 2.0 * _SMOOTH)
-    for end, place in ((0, 0), (1, -1)):
-        node = side.faces[:, end]
-        own[:, place] = np.where(smooth[node, None], unit(total[node]), own[:, place])
-    return own
+    smooth = 2.0 + 2.0 * _SMOOTH
+    return np.asarray(ways_of(side.points, side.faces, side.sides, smooth))
 
 
 def line_overlaps(
@@ -65,85 +58,20 @@ def line_overlaps(
         axisymmetric: Whether the factor is 2 pi times the first coordinate instead.
         full: See `impactfem.contact.mortar.mortar`.
     """
-    ways = line_ways(carrier)
-    nodes = carrier.faces.shape[1], other.faces.shape[1]
-    corners, count = nodes[0] if full else carrier.corners.shape[1], len(pairs)
-    found = Overlap(
-        np.zeros((count, corners, nodes[0])),
-        np.zeros((count, corners, nodes[1])),
-        np.zeros((count, corners, 2)),
-        np.zeros(count),
-        np.zeros(count),
+    sides = tuple(
+        (side.points, side.faces, side.sides, side.parts, side.places[..., 0])
+        for side in (carrier, other)
     )
-    x, y = carrier.points[carrier.faces[pairs[:, 0]]], other.points[other.faces[pairs[:, 1]]]
-    n, side = ways[pairs[:, 0]], carrier.sides[pairs[:, 0]]
-    limits = reach, depth[pairs[:, 0]]
-    backs = unit(other.vectors)[pairs[:, 1]]
+    factor = 0.0 if axisymmetric else thickness
+    limits = reach, depth, FACING
+    backs, ways = unit(other.vectors), line_ways(carrier)
+    tests = carrier.faces.shape[1] if full else 2
+    law = limits, _rule(points), factor, tests
+    return Overlap(*overlaps(*sides, ways, backs, pairs, *law))
+
+
+@cache
+def _rule(points: int) -> tuple[Floats, Floats]:
+    """Gauss points on [0, 1], and weights."""
     gauss, weights = np.polynomial.legendre.leggauss(points)
-    gauss, weights = (gauss + 1.0) / 2.0, weights / 2.0
-    for p, (a, b) in enumerate(carrier.parts):
-        places = carrier.places[p, :, 0]
-        for q, (c, d) in enumerate(other.parts):
-            facing = np.einsum("pd,pd->p", unit(n[:, p] + n[:, p + 1]), backs[:, q]) < -FACING
-            ends = x[:, a], x[:, b], n[:, p], n[:, p + 1]
-            s = [np.clip(_seen(*ends, y[:, end]), 0.0, 1.0) for end in (c, d)]
-            low, high = np.minimum(*s), np.maximum(*s)
-            high = np.where(facing, high, low)
-            at = low[:, None] + np.outer(high - low, gauss)
-            e, _ = _opposite(ends, y[:, c], y[:, d], at)
-            r = places[0] + (places[1] - places[0]) * at
-            there = other.places[q, :, 0]
-            phi, slope = _line(r, carrier.degree)
-            phi_other = _line(there[0] + (there[1] - there[0]) * e, other.degree)[0]
-            tangent = np.einsum("pgk,pkd->pgd", slope, x)
-            way = np.einsum("pgk,pkd->pgd", phi_other, y) - np.einsum("pgk,pkd->pgd", phi, x)
-            seen = unit(n[:, p, None] + at[..., None] * (n[:, p + 1] - n[:, p])[:, None])
-            gap = np.einsum("pgd,pgd->pg", way, seen) @ weights
-            kept = (high > low) & (gap <= limits[0]) & (gap >= -limits[1])
-            radius = np.einsum("pgk,pk->pg", phi, x[:, :, 0])
-            factor = 2.0 * np.pi * radius if axisymmetric else np.full_like(radius, thickness)
-            share = np.where(kept, (high - low) / len(carrier.parts), 0.0)
-            dr = share[:, None] * weights * factor
-            ds = dr * np.linalg.norm(tangent, axis=2)
-            hats = np.concatenate([np.stack([1.0 - r, r], -1), phi[..., 2:corners]], axis=-1)
-            found.carrier[:] += np.einsum("pg,pgi,pgk->pik", ds, hats, phi)
-            found.other[:] += np.einsum("pg,pgi,pgk->pik", ds, hats, phi_other)
-            across = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1) * side[:, None, None]
-            found.vectors[:] += np.einsum("pg,pgi,pgd->pid", dr, hats, across)
-            found.cover[:] += share
-            found.gap[:] += share * gap
-    found.gap[:] /= np.where(found.cover > 0.0, found.cover, 1.0)
-    return found
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-
-def _seen(first: Floats, last: Floats, n_first: Floats, n_last: Floats, y: Floats) -> Floats:
-    """Where s on a part the points y are seen, shape (pairs,)."""
-    t, turn, d = last - first, n_last - n_first, y - first
-    a, b, c = -_cross(t, turn), _cross(d, turn) - _cross(t, n_first), _cross(d, n_first)
-    # Of both roots the one that stays finite for parallel normals.
-    root = np.sqrt(np.maximum(b * b - 4.0 * a * c, 0.0))
-    below = b + np.where(b < 0.0, -root, root)
-    return np.asarray(-2.0 * c / np.where(below == 0.0, np.inf, below))
-
-
-def _opposite(
-    ends: tuple[Floats, Floats, Floats, Floats], first: Floats, last: Floats, at: Floats
-) -> tuple[Floats, Floats]:
-    """Where e on the other part points of a part look, and from which places, (pairs, points)."""
-    x = ends[0][:, None] + at[..., None] * (ends[1] - ends[0])[:, None]
-    n = ends[2][:, None] + at[..., None] * (ends[3] - ends[2])[:, None]
-    below = _cross((last - first)[:, None], n)
-    e = -_cross(first[:, None] - x, n) / np.where(below == 0.0, np.inf, below)
-    return np.clip(e, 0.0, 1.0), x
-
-
-def _line(r: Floats, degree: int) -> tuple[Floats, Floats]:
-    """Shape functions of a line on [0, 1] and their slopes, shape (*r.shape, nodes)."""
-    if degree == 1:
-        return np.stack([1.0 - r, r], -1), np.stack([-np.ones_like(r), np.ones_like(r)], -1)
-    values = [(1.0 - r) * (1.0 - 2.0 * r), r * (2.0 * r - 1.0), 4.0 * r * (1.0 - r)]
-    return np.stack(values, -1), np.stack([4.0 * r - 3.0, 4.0 * r - 1.0, 4.0 - 8.0 * r], -1)
+    return (gauss + 1.0) / 2.0, weights / 2.0

@@ -98,3 +98,45 @@ def directed_weights(weights, rows, frames):
                     for c in range(dim):
                         found[i * ways + w, node * dim + c] = share * frames[i, w, c]
     return found
+
+
+@compiled
+def scaled_rows(ends, columns, values, rows, scale):
+    """Values, columns and ends of some rows, times a number each, (rows,)."""
+    size = 0
+    for i in rows:
+        size += ends[i + 1] - ends[i]
+    found, places = np.empty(size), np.empty(size, dtype=np.int32)
+    stops, last = np.zeros(len(rows) + 1, dtype=np.int32), 0
+    for i in range(len(rows)):
+        for k in range(ends[rows[i]], ends[rows[i] + 1]):
+            found[last], places[last] = scale[i] * values[k], columns[k]
+            last += 1
+        stops[i + 1] = last
+    return found, places, stops
+
+
+@compiled
+def spread_rows(one, two, at, numbers, count):
+    """Values, columns and ends of rows of one matrix less another, put among so many others.
+
+    Args:
+        one, two: Ends, columns and values of each.
+        at: Where each row stands, rising, (rows,).
+        numbers: New numbers of the columns of both.
+        count: Of all rows.
+    """
+    size = len(one[2]) + len(two[2])
+    found, places = np.empty(size), np.empty(size, dtype=np.int32)
+    stops, last, row = np.zeros(count + 1, dtype=np.int32), 0, 0
+    for i in range(count):
+        if row < len(at) and at[row] == i:
+            for k in range(one[0][row], one[0][row + 1]):
+                found[last], places[last] = one[2][k], numbers[0][one[1][k]]
+                last += 1
+            for k in range(two[0][row], two[0][row + 1]):
+                found[last], places[last] = -two[2][k], numbers[1][two[1][k]]
+                last += 1
+            row += 1
+        stops[i + 1] = last
+    return found, places, stops

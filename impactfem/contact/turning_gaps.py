@@ -22,9 +22,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats, Integers
-from impactfem.contact.sparse_rows import across, times
-
-_FLAT = 1e-12  # share of its trace below which a patch's J tells no spin
+from impactfem.contact.line_kernels import patch_spins, spread_moments, turned_ways
+from impactfem.contact.sparse_rows import rows_of
 
 
 @dataclass(frozen=True)
@@ -54,45 +53,35 @@ class TurningGaps:
             places: Of the nodes [m], (nodes, dim).
             ways: d of all gaps [m], (all gaps, dim).
         """
-        gap = [first + np.repeat(np.arange(p.shape[0]), np.diff(p.indptr)) for first, p in patches]
-        if not sum(map(len, gap)):
+        counts = [np.diff(patch.indptr) for _, patch in patches]
+        each = [
+            first + np.flatnonzero(own) for (first, _), own in zip(patches, counts, strict=True)
+        ]
+        if not sum(map(len, each)):
             return None
-        gaps = np.concatenate(gap)
-        node = np.concatenate([patch.indices for _, patch in patches])
-        weight = np.concatenate([patch.data for _, patch in patches])
-        rows, at = np.unique(gaps, return_inverse=True)
-        total = np.bincount(at, weight)
-        dim = places.shape[1]
-        centre = np.stack([np.bincount(at, weight * places[node, k]) for k in range(dim)], axis=1)
-        arms = places[node] - (centre / total[:, None])[at]
-        moments = weight[:, None, None] * _crossing(arms)  # r x of displacements
-        turns = moments.shape[1]
-        inertia = np.zeros((len(rows), turns, turns))
-        np.add.at(inertia, at, moments @ _crossing(arms).transpose(0, 2, 1))
-        trace = np.trace(inertia, axis1=1, axis2=2)
-        fine = np.linalg.det(inertia) > (_FLAT * trace) ** turns
-        inertia[~fine] = np.eye(turns)
-        spins = np.linalg.solve(inertia[at], moments) * fine[at, None, None]
-        line = at[:, None, None] * turns + np.arange(turns)[:, None]
-        column = node[:, None, None] * dim + np.arange(dim)
-        full = np.broadcast_arrays(line, column)
-        matrix = csr_matrix(
-            (spins.ravel(), (full[0].ravel(), full[1].ravel())),
-            shape=(len(rows) * turns, places.size),
+        rows, sizes = np.concatenate(each), np.concatenate(counts)
+        ends = np.concatenate([[0], np.cumsum(sizes[sizes > 0])])
+        node, weight = (
+            np.concatenate([getattr(patch, name) for _, patch in patches])
+            for name in ("indices", "data")
         )
+        dim = places.shape[1]
+        turns = dim * (dim - 1) // 2
+        entries = patch_spins(ends, node, weight, places)
+        matrix = csr_matrix(entries, shape=(len(rows) * turns, places.size))
         return cls(matrix, rows, ways[rows], (len(ways), dim))
 
     def relative(self, values: Floats) -> Floats:
         """Theta x d for displacements (nodes, dim), (all gaps, dim)."""
-        theta = times(self.spins, values.ravel()).reshape(len(self.rows), -1)
-        found = np.zeros(self.shape)
-        found[self.rows] = np.einsum("gtk,gt->gk", _crossing(self.ways), theta)
-        return found
+        given = np.ascontiguousarray(values).ravel()
+        own = given, self.rows, self.ways, self.shape[0]
+        return np.asarray(turned_ways(*rows_of(self.spins), *own))
 
     def spread(self, forces: Floats) -> Floats:
         """The transpose: of forces in the gaps (all gaps, dim), on the nodes (nodes, dim)."""
-        moments = np.einsum("gtk,gk->gt", _crossing(self.ways), forces[self.rows])
-        return across(self.spins, moments.ravel()).reshape(-1, self.shape[1])
+        own = forces, self.rows, self.ways, self.spins.shape[1]
+        found = spread_moments(*rows_of(self.spins), *own)
+        return np.asarray(found.reshape(-1, self.shape[1]))
 
     def units(self, rows: Integers, directions: Floats) -> Floats:
         """`spread` of unit forces in some gaps, (rows, ways, nodes, dim).
