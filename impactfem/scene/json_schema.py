@@ -209,8 +209,8 @@ def _(_kind: FormulaOf, _found: dict[str, Schema]) -> Schema:
 
 
 @_schema.register
-def _(_kind: RealOrFormula, _found: dict[str, Schema]) -> Schema:
-    return {"anyOf": [_NUMBER | {"exclusiveMinimum": 0}, _formula()]}
+def _(kind: RealOrFormula, found: dict[str, Schema]) -> Schema:
+    return {"anyOf": [_schema(Real(above=kind.above, below=kind.below), found), _formula()]}
 
 
 def _formula() -> Schema:

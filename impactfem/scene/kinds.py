@@ -325,18 +325,22 @@ class FormulaOf(Kind):
 
 @dataclass(frozen=True)
 class RealOrFormula(FormulaOf):
-    """A positive number, or a formula of some variables, which stays one."""
+    """A number in bounds, or a formula of some variables, which stays one."""
+
+    above: float = 0.0
+    below: float | None = None
 
     @property
     @override
     def allowed(self) -> str:
-        return f"a number > 0, or a formula in {', '.join(self.variables)}"
+        own = Real(above=self.above, below=self.below).allowed
+        return f"{own}, or a formula in {', '.join(self.variables)}"
 
     @override
     def read(self, value: object) -> float | Formula:  # type: ignore[override]  # wider
         if isinstance(value, str | Formula):
             return super().read(value)
-        return Real(above=0).read(value)
+        return Real(above=self.above, below=self.below).read(value)
 
     @override
     def write(self, value: float | Formula) -> float | str:

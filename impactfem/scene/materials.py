@@ -36,8 +36,8 @@ class Material:
     youngs_modulus: Given[float | None, FormulaLike | None] = key(
         RealOrFormula(SPACE), "Young's modulus", unit="Pa", default=None, absent=_OF_BODY
     )
-    poisson_ratio: float | None = key(
-        Real(above=-1, below=0.5), "Poisson's ratio", default=None, absent=_OF_BODY
+    poisson_ratio: Given[float | None, FormulaLike | None] = key(
+        RealOrFormula(SPACE, above=-1, below=0.5), "Poisson's ratio", default=None, absent=_OF_BODY
     )
     orthotropic: MaybeTable[OrthotropicSolid] = key(
         InlineTable((OrthotropicSolid,)), "moduli along three axes", default=None, absent=_OF_BODY

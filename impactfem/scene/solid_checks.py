@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from impactfem.scene.solids import Solid
 
+VARYING = ("density", "youngs_modulus", "poisson_ratio")
+"""Constants of the material that may be formulas."""
 _FAR = 1e8  # times its extent, beyond which rounding of places shows in contact
 
 
@@ -162,7 +164,7 @@ def _check_plane(solid: "Solid") -> None:
 
 def _varying(solid: "Solid") -> "list[tuple[str, Formula]]":
     """Constants of the material that are formulas."""
-    each = ((name, getattr(solid, name)) for name in ("density", "youngs_modulus"))
+    each = ((name, getattr(solid, name)) for name in VARYING)
     return [(name, value) for name, value in each if isinstance(value, Formula)]
 
 

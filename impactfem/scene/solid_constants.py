@@ -89,6 +89,10 @@ def _ogden(solid: "Solid") -> dict[str, float]:
         raise KeyedError(solid.kind, "terms", text)
     if len(betas) > 1:
         raise KeyedError(solid.kind, "terms", ".beta: give it to all terms, or to none.")
+    given: object = solid.poisson_ratio
+    if isinstance(given, Formula):
+        text = f" = {show(given.text)} beside terms: give one number."
+        raise KeyedError(solid.kind, "poisson_ratio", text)
     shear = sum(term.mu for term in solid.terms)
     if not shear > 0.0:
         text = f".mu make a shear modulus of {shear:.6g}, their sum, which must be > 0."

@@ -155,9 +155,9 @@ class Solid(BodyKind):
         default=None,
         absent=_IF_ELASTIC,
     )
-    poisson_ratio: Given[float, float | None] = key(
-        Real(above=-1, below=0.5),
-        "Poisson's ratio",
+    poisson_ratio: Given[float, FormulaLike | None] = key(
+        RealOrFormula(SPACE, above=-1, below=0.5),
+        "Poisson's ratio; a formula: of the undeformed body, each element has its mean",
         default=None,
         absent=_IF_ELASTIC,
     )
@@ -334,8 +334,8 @@ class Solid(BodyKind):
     @property
     def is_uniform(self) -> bool:
         """Whether its material is one everywhere, so that its constants are numbers."""
-        varying = isinstance(self.density, Formula) or isinstance(self.youngs_modulus, Formula)
-        return not (self.materials or varying)
+        constants = self.density, self.youngs_modulus, self.poisson_ratio
+        return not (self.materials or any(isinstance(value, Formula) for value in constants))
 
     @property
     def is_orthotropic(self) -> bool:
@@ -349,9 +349,9 @@ class Solid(BodyKind):
 
     @property
     def largest_ratio(self) -> float:
-        """Largest of Poisson's ratios of its materials."""
-        each = (self.of_groups or {"": self}).values()
-        return max(solid.poisson_ratio for solid in each)
+        """Largest of Poisson's ratios of its materials; of formulas what they may be at most."""
+        each = (solid.poisson_ratio for solid in (self.of_groups or {"": self}).values())
+        return max(NEARLY_INCOMPRESSIBLE if isinstance(nu, Formula) else nu for nu in each)
 
     @property
     def law(self) -> str:
@@ -391,7 +391,7 @@ class Solid(BodyKind):
         if self.materials:
             return any(each.keeps_volume for each in self.of_groups.values())
         if self.element is None:
-            return self.poisson_ratio > NEARLY_INCOMPRESSIBLE
+            return self.largest_ratio > NEARLY_INCOMPRESSIBLE
         return self.element == "mean_dilatation"
 
     @property

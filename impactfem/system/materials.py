@@ -16,11 +16,18 @@ from impactfem.arrays import Booleans, Floats
 from impactfem.errors import SceneError
 from impactfem.fem import MPI, dolfinx_fem
 from impactfem.scene.formula import Formula
+from impactfem.scene.solid_checks import VARYING
+from impactfem.scene.solids import NEARLY_INCOMPRESSIBLE
 from impactfem.system.law_kernels import KERNELS
 from impactfem.system.nodes import Nodes
 
 _DEGREE = 4  # of formulas that means in cells are exact for
 _AXES = "xyz"
+_POSITIVE = 0.0, math.inf, "positive"
+_STIFF = (
+    "body {name}: {key} exceeds 0.45 somewhere, where elements that keep their volume at each "
+    'point lock: give element = "mean_dilatation", or a formula of at most 0.45'
+)
 
 
 @dataclass(frozen=True)
@@ -104,11 +111,15 @@ def materials_of(nodes: Nodes, solid: Any) -> CellMaterials:
         where = f"materials.{name}." if solid.materials else ""
         try:
             numbers = [means.of(getattr(one, key), own, f"{solid.name}: {where}{key}")
-                       for key in ("density", "youngs_modulus")]  # fmt: skip
+                       for key in VARYING]  # fmt: skip
         except SceneError as told:
             error = told
             break
-        constants = one.poisson_ratio, one.c01 or 0.0, one.material == "linear", one.keeps_volume
+        if one.element is None and isinstance(one.poisson_ratio, Formula):
+            above = np.asarray(numbers[2]) > NEARLY_INCOMPRESSIBLE
+            if above.any():
+                error = SceneError(_STIFF.format(name=solid.name, key=f"{where}poisson_ratio"))
+        constants = one.c01 or 0.0, one.material == "linear", one.keeps_volume
         for column, value in zip(found, (*numbers, *constants), strict=True):
             column[own] = value
         damped[own] = one.rayleigh_stiffness / longest if longest else 1.0
@@ -159,7 +170,7 @@ class _Means:
         """A number, or the mean of a formula in each of some cells.
 
         Raises:
-            SceneError: It is not positive at a point.
+            SceneError: It is not positive at a point, or no Poisson's ratio.
         """
         if not isinstance(given, Formula):
             return given
@@ -169,13 +180,14 @@ class _Means:
         x = np.einsum("pk,cki->cpi", self._values, corners)
         named = {axis: x[:, :, k] for k, axis in enumerate(_AXES[: x.shape[2]])}
         values = np.broadcast_to(np.asarray(given(**named), dtype=np.float64), weights.shape)
-        bad = np.argwhere(~((values > 0.0) & np.isfinite(values)))
+        low, high, kind = (-1.0, 0.5, "between -1 and 0.5") if what.endswith("ratio") else _POSITIVE
+        bad = np.argwhere(~((values > low) & (values < high)))
         if len(bad):
             at = tuple(bad[0])
             place = ", ".join(f"{c:.4g}" for c in x[at])
             raise SceneError(
                 f"body {what} = {given.text!r} is {values[at]:g} at ({place}); give a formula "
-                "that is positive in the whole body"
+                f"that is {kind} in the whole body"
             )
         found: Floats = (weights * values).sum(axis=1) / weights.sum(axis=1)
         return found

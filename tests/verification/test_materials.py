@@ -217,6 +217,25 @@ def test_a_formula_that_is_not_positive_is_refused(tmp_path):
         impactfem.plan(scene)
 
 
+@pytest.mark.parallel(1)
+def test_poissons_ratio_may_be_a_formula(tmp_path):
+    """As groups have it; nearly incompressible elements have to be asked for."""
+    own = {"groups": 'Physical Surface("body") = {1, 2};', "materials": None, **NEAR}
+    laws = {"near": NEAR | {"poisson_ratio": 0.2}, "far": NEAR | {"poisson_ratio": 0.4}}
+    energies = []
+    for body in ({"materials": laws}, own | {"poisson_ratio": "where(x < 0.5, 0.2, 0.4)"}):
+        part = solids_model(strip(tmp_path, 4, **body), (1,)).parts[0]
+        moved = np.sin(3.0 * part.system.positions + [[1.0, 2.0]]).ravel()
+        energies.append(part.system.elastic_energy(moved))
+    assert energies[0] == pytest.approx(energies[1], rel=1e-12)
+    for formula, words in (
+        ("where(x < 0.5, 0.3, 0.48)", 'poisson_ratio exceeds 0.45.*"mean_dilatation"'),
+        ("0.3 + x", "poisson_ratio = '0.3 \\+ x' is .* between -1 and 0.5"),
+    ):
+        with pytest.raises(SceneError, match=words):
+            impactfem.plan(strip(tmp_path, **(own | {"poisson_ratio": formula})))
+
+
 @pytest.mark.parallel([1, 2])
 def test_all_ranks_see_the_groups(tmp_path):
     folder = impactfem.fem.MPI.COMM_WORLD.bcast(tmp_path, root=0)

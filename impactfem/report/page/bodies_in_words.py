@@ -121,7 +121,9 @@ def _constants(solid: Any) -> str:
     law = solid.orthotropic
     if law is None:
         modulus = _property(solid, "youngs_modulus", "Pa")
-        return f"Young's modulus {modulus}, Poisson's ratio {number(solid.poisson_ratio)}"
+        nu = solid.poisson_ratio
+        ratio = number(nu) if isinstance(nu, float | int) else formula(nu, "")
+        return f"Young's modulus {modulus}, Poisson's ratio {ratio}"
     along = [law.e1, law.e2] + [law.e3] * (law.e3 is not None)
     moduli = ", ".join(quantity(value, "Pa") for value in along)
     turned = f", axis 1 at {quantity(law.angle, 'rad')} from x" * (law.angle != 0.0)
