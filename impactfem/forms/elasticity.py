@@ -51,6 +51,7 @@ class ElasticForms:
             all cells are alike.
         whole: C [Pa] of bodies that are orthotropic somewhere, (6, 6) of xx, yy, zz, xy, yz, zx and
             shears 2 eps_xy, in the plane its first four; None: lambda and mu say all.
+        residual: Stress without displacement [Pa], (dim, dim) of the place; None: there is none.
     """
 
     space: Any
@@ -63,6 +64,7 @@ class ElasticForms:
     thickness: Any = 1.0
     kept: Any = None
     whole: Any = None
+    residual: Any = None
 
     @property
     def weight(self) -> Any:
@@ -87,7 +89,8 @@ class ElasticForms:
         """Bilinear form of the stiffness."""
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
         if self.whole is not None:
-            return self.measured(ufl.inner(self.elastic_stress(self.strain(u)), self.strain(v)))
+            density = ufl.inner(self.elastic_stress(self.strain(u)), self.strain(v))
+            return self._stiffened(self.measured(density))
         volumetric = self.first_lame * self.dilatation(u) * self.dilatation(v)
         return self.deviatoric_stiffness + volumetric * self.weight * self._dx(self.degree)
 
@@ -98,12 +101,26 @@ class ElasticForms:
         if self.whole is not None:
             meant = 0.0 if self.kept is None else self.kept * self.first_lame
             density = ufl.inner(self.elastic_stress(self.strain(u)), self.strain(v))
-            return self.measured(density - meant * self.dilatation(u) * self.dilatation(v))
+            density -= meant * self.dilatation(u) * self.dilatation(v)
+            return self._stiffened(self.measured(density))
         density = 2.0 * self.shear_modulus * ufl.inner(self.strain(u), self.strain(v))
         if self.kept is not None:
             local = (1.0 - self.kept) * self.first_lame
             density += local * self.dilatation(u) * self.dilatation(v)
-        return density * self.weight * self._dx(self.degree)
+        return self._stiffened(density * self.weight * self._dx(self.degree))
+
+    def _stiffened(self, form: Any) -> Any:
+        """A stiffness with that of the residual stress, by which it turns with its material."""
+        if self.residual is None:
+            return form
+        u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        return form + self.measured(ufl.inner(ufl.grad(u) * self.residual, ufl.grad(v)))
+
+    @property
+    def residual_load(self) -> Any:
+        """Linear form of the forces that the residual stress has on the nodes."""
+        v = ufl.TestFunction(self.space)
+        return -self.measured(ufl.inner(self.residual, ufl.sym(ufl.grad(v))))
 
     def mean_dilatation(self, dilatations: Any) -> tuple[Any, Any]:
         """Forms G and D of the dilatation in the mean (see the module).
@@ -157,6 +174,9 @@ class ElasticForms:
     def fields(self, displacement: Any) -> Mapping[str, Any]:
         """What can be shown of a state, scalars or 3 x 3 tensors: von Mises stress [Pa]."""
         strain = self.strain(displacement)
+        if self.residual is not None:
+            shear = ufl.dev(self._total(strain))
+            return {"von_mises": ufl.sqrt(1.5 * ufl.inner(shear, shear))}
         if self.whole is not None:
             shear = ufl.dev(symmetric(contracted(self.whole, strain), 3))
             return {"von_mises": ufl.sqrt(1.5 * ufl.inner(shear, shear))}
@@ -168,6 +188,30 @@ class ElasticForms:
             trace *= 1.0 + self.across
         deviatoric = ufl.max_value(squares - trace**2 / 3.0, 0.0)
         return {"von_mises": self.shear_modulus * ufl.sqrt(6.0 * deviatoric)}
+
+    def _total(self, strain: Any) -> Any:
+        """Stress with the residual one, (3, 3); that across a plane is the elastic one."""
+        size = int(strain.ufl_shape[0])
+        elastic: Any
+        if self.whole is not None:
+            elastic = symmetric(contracted(self.whole, strain), 3)
+        else:
+            trace = self.first_lame * ufl.tr(strain)
+            across = 0.0 if self.model == "plane_stress" else trace
+            own = [
+                [
+                    2.0 * self.shear_modulus * strain[i, j] if max(i, j) < size else 0.0
+                    for j in range(3)
+                ]
+                for i in range(3)
+            ]
+            for k in range(3):
+                own[k][k] += trace if k < size else across
+            elastic = ufl.as_tensor(own)
+        rows = [
+            [self.residual[i, j] if max(i, j) < size else 0.0 for j in range(3)] for i in range(3)
+        ]
+        return elastic + ufl.as_tensor(rows)
 
     def measured(self, integrand: Any) -> Any:
         """Integral over the body, with the quadrature of the stiffness."""

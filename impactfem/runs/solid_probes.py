@@ -59,6 +59,7 @@ class SolidProbes:
         weights: Of the displacements, the velocities and the displacements that strain which are
             `needed`, one after the other, (columns, needed).
         needed: Which of the owned dofs of all bodies, one body after the other, of each of these.
+        residual: Residual stresses [Pa], by probe and the last part of their columns.
         laws: Of stresses that are not linear, by probe: the columns are what these need.
         telling: What tells the columns that follow.
         counts: Whether this rank does.
@@ -69,6 +70,7 @@ class SolidProbes:
     names: tuple[tuple[str, str], ...]
     weights: csr_matrix
     needed: tuple[Integers, Integers, Integers]
+    residual: Mapping[str, Mapping[str, float]]
     laws: Mapping[str, TrueStress]
     telling: tuple[Told, ...]
     counts: bool
@@ -135,9 +137,16 @@ class SolidProbes:
             for probe, _, located in model.probes
             if located.law is not None and "stress" in probe.quantities
         }
+        residual = {
+            probe.name: located.residual
+            for probe, _, located in model.probes
+            if "stress" in probe.quantities
+        }
         which = displaced, moving - dim * len(own), strained - 2 * dim * len(own)
         counts = model.comm.rank == 0
-        return cls(march, tuple(names), weights, which, laws, tuple(telling), counts, kept)
+        return cls(
+            march, tuple(names), weights, which, residual, laws, tuple(telling), counts, kept
+        )  # fmt: skip
 
     def __call__(self, level: Level) -> None:
         """Keep a level."""
@@ -153,7 +162,8 @@ class SolidProbes:
         """Columns of each probe by their last part, of the sums of all ranks (rows, columns)."""
         found: dict[str, dict[str, Floats]] = {}
         for k, (probe, part) in enumerate(self.names):
-            found.setdefault(probe, {})[part] = values[:, k]
+            more = self.residual.get(probe, {}).get(part, 0.0)
+            found.setdefault(probe, {})[part] = values[:, k] + more
         for probe, law in self.laws.items():
             kept = found[probe]
             stress = law.of(kept)

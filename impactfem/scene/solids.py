@@ -16,7 +16,7 @@ from impactfem.scene.boundary import (
 )
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
-from impactfem.scene.given import FormulaLike, Given, MaybeTable, Tables
+from impactfem.scene.given import FormulaLike, Given, MaybeFormulas, MaybeTable, Tables
 from impactfem.scene.inline import (
     Formulas,
     InlineTable,
@@ -31,7 +31,7 @@ from impactfem.scene.mesh_files import MESH_FILES, PART
 from impactfem.scene.ogden import OgdenTerm
 from impactfem.scene.orthotropic import OrthotropicSolid
 from impactfem.scene.probes import STRAINS
-from impactfem.scene.schema import key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.shape import MODELS
 from impactfem.scene.shapes import SHAPES, Block, Cylinder, Disc, Ring, Sphere
 from impactfem.scene.solid_checks import check_solid
@@ -45,6 +45,8 @@ from impactfem.scene.viscoelastic import (
 
 type AnyShape = Block | Disc | Ring | Cylinder | Sphere
 
+RESIDUAL = {2: ("sxx", "syy", "sxy"), 3: ("sxx", "syy", "szz", "sxy", "syz", "sxz")}
+"""Components of residual stresses by the number of coordinates."""
 CELLS = ("simplex", "hexahedron")
 STRAINS_OF = ("small", "finite")
 ELEMENTS = ("standard", "mean_dilatation")
@@ -227,6 +229,14 @@ class Solid(BodyKind):
     displacement: Given[tuple[Formula, ...], Sequence[FormulaLike] | None] = key(
         Formulas(SPACE), "displacement at t = 0", unit="m", default=None, absent="0"
     )
+    residual_stress: MaybeFormulas = key(
+        Formulas(SPACE, lengths=(3, 6)),
+        "stress in it as it is without displacement: [sxx, syy, sxy], in space [sxx, syy, szz, "
+        "sxy, syz, sxz], of the place",
+        unit="Pa",
+        default=None,
+        absent="none",
+    )
     supports: Tables[Support] = key(
         ListOf(InlineTable((Support,))), "surfaces that are held or moved", default=()
     )
@@ -267,8 +277,27 @@ class Solid(BodyKind):
         for name, value in elastic.items():
             object.__setattr__(self, name, value)
         self._fill()
+        self._check_residual()
         check_viscoelastic(self)
         check_solid(self)
+
+    def _check_residual(self) -> None:
+        """Refuse stresses of other models, and take small strains beside them."""
+        given = self.residual_stress
+        if given is None:
+            return
+        count, what = len(given), " has {} entries"
+        if self.model == "axisymmetric":
+            text = ": axisymmetric bodies take none; remove it, or model the body in space."
+            raise KeyedError(self.kind, "residual_stress", text)
+        if count != len(RESIDUAL[self.dim]):
+            text = f"{what.format(count)}: give {', '.join(RESIDUAL[self.dim])}."
+            raise KeyedError(self.kind, "residual_stress", text)
+        other = "strain" if self.strain == "finite" else "viscoelastic" if self.relaxing else ""
+        if other:
+            text = ": residual_stress is known of elastic solids of small strain; remove one."
+            raise KeyedError(self.kind, other, text)
+        object.__setattr__(self, "strain", "small")
 
     def _fill(self) -> None:
         """Put zeros where nothing is given."""
@@ -286,7 +315,9 @@ class Solid(BodyKind):
     def flight(self) -> Flight | None:
         """How it flies; None if loads, supports or rotation act on it or its box is not known."""
         spin = self.angular_velocity
-        loads = (self.supports, self.tractions, self.pressures, self.rayleigh_mass)
+        loads = (
+            self.supports, self.tractions, self.pressures, self.rayleigh_mass, self.residual_stress,
+        )  # fmt: skip
         turns = any(spin) if isinstance(spin, tuple) else spin
         still = all(entry.is_constant and float(entry()) == 0.0 for entry in self.displacement)
         if self.shape is None or any(loads) or turns or not still:

@@ -161,6 +161,8 @@ class Loads:
         self._gravity = gravity
         self._constant_gravity = np.asarray(gravity.at(0.0))
         self._steady = np.zeros(self.body_forces.shape[1])
+        if forms.residual is not None:
+            self._steady += fem.assemble_vector(fem.compile_form(forms.residual_load))
         self._varying: list[SurfaceLoad] = []
         self._changing = np.zeros_like(self._steady)
         self._time: tuple[float, float] | None = None

@@ -1,7 +1,8 @@
 """Where a place lies in a body: its cell, and what the nodes there say of its motion and stress."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from impactfem import fem
 from impactfem.arrays import Floats, Integers
 from impactfem.fem import dolfinx_fem
 from impactfem.scene.orthotropic import PLACES, seen_by
+from impactfem.scene.solids import RESIDUAL
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.materials import CellMaterials, law_rows, materials_of
 from impactfem.system.true_stress import TrueStress
@@ -33,12 +35,14 @@ class Located:
         stress: Components of the stress by name: weights of the displacements [Pa/m], shape
             (nodes, dim); under finite strain what `law` needs instead.
         law: Of the true stress under finite strain, which is not linear.
+        residual: Components of the residual stress there [Pa], by name.
     """
 
     numbers: Integers
     values: Floats
     stress: dict[str, Floats]
     law: TrueStress | None = None
+    residual: Mapping[str, float] = field(default_factory=dict)
 
 
 def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats:
@@ -97,7 +101,11 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
             stress = law.weights
         else:
             stress = _stress(cell, x, at, made, solid.model)
-        answer = Located(nodes.numbers[own], cell.basis(at)[0], stress, law)
+        basis = cell.basis(at)[0]
+        place = dict(zip("xyz", (basis @ x).tolist(), strict=False))
+        given = zip(RESIDUAL[len(point)], solid.residual_stress or (), strict=False)
+        residual = {name: float(formula(**place)) for name, formula in given}
+        answer = Located(nodes.numbers[own], basis, stress, law, residual)
     located: Located = comm.bcast(answer, root=winner[2])
     return located
 

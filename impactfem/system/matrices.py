@@ -11,6 +11,8 @@ from impactfem.errors import MeshError
 from impactfem.fem import PETSc, dolfinx_fem
 from impactfem.forms.elasticity import ElasticForms
 from impactfem.scene.orthotropic import seen_by
+from impactfem.scene.solids import RESIDUAL
+from impactfem.system.loads import FormulaValues
 from impactfem.system.materials import constants_of, materials_of
 from impactfem.system.nodes import Nodes
 from impactfem.system.supports import Supports
@@ -74,7 +76,30 @@ def body_forms(nodes: Nodes, solid: Any, share: Floats | None = None) -> Elastic
         whole=made(every[:, None, None] * seen_by(material.whole, solid.model))
         if solid.is_orthotropic
         else None,
+        residual=_residual(nodes, solid),
     )
+
+
+def _residual(nodes: Nodes, solid: Any) -> Any:
+    """Residual stress of a solid as a tensor of functions; None of bodies without (collective).
+
+    Raises:
+        SceneError: A formula has no finite value.
+    """
+    if solid.residual_stress is None:
+        return None
+    mesh, dim = nodes.space.mesh, nodes.dim
+    degree = int(nodes.space.ufl_element().degree)
+    space = dolfinx_fem.functionspace(mesh, ("Discontinuous Lagrange", degree))
+    places = space.tabulate_dof_coordinates()[:, :dim]
+    found = []
+    for name, formula in zip(RESIDUAL[dim], solid.residual_stress, strict=True):
+        made = dolfinx_fem.Function(space)
+        label = f"residual_stress {name}"
+        made.x.array[:] = FormulaValues(formula, label, places, nodes.comm, "body").mean(0.0, 0.0)
+        found.append(made)
+    order = [[0, 2], [2, 1]] if dim == 2 else [[0, 3, 5], [3, 1, 4], [5, 4, 2]]
+    return fem.ufl.as_tensor([[found[k] for k in row] for row in order])
 
 
 def body_matrices(
