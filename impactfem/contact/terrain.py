@@ -30,6 +30,7 @@ _ON = 1e-6  # the same of contact points, and of a body's size within which they
 _WIDE = 0.5  # sine by which a direction may lie beside the normals at a corner of the shape
 _BESIDE = 0.02  # the same at edges and corners of the surface
 _LEVEL = 1e-6  # the same where what is round looks from the face beside, on which it stands
+_DIGITS = 12  # of normals that differ
 _DEEP = 3  # of which one of so many gaps is for the deepest places, where there are too many
 
 
@@ -239,8 +240,9 @@ class OnTerrain(Anew):
         up = near[faced > 0.0]
         seen = corners[None]
         if shape.aims and len(up):
-            aims = map(shape.aim, terrain.normals[up] @ pose[1])
-            seen = np.array([shape.placed(*pose, aim)[0] for aim in aims])
+            ways, which = np.unique(terrain.normals[up].round(_DIGITS), axis=0, return_inverse=True)
+            aims = map(shape.aim, ways @ pose[1])
+            seen = np.array([shape.placed(*pose, aim)[0] for aim in aims])[which.ravel()]
         found = [terrain.standing(seen, body[5], shape.radius, up)]
         if len(some := near[terrain.peaks[near].any(axis=1)]):
             (x, y, n), of = self._struck(pose, some)
