@@ -1,7 +1,7 @@
 """A scene taken step by step, with forces from outside: for controllers and notebooks."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -28,6 +28,13 @@ if TYPE_CHECKING:
 
 type Force = ArrayLike | Mapping[str, ArrayLike]
 """A force on a body's centre [N], (dim,), or {"force": (dim,), "moment": number or (3,)} [N m]."""
+
+
+# Ends of the names of columns that a step tells by itself, and beginnings of those of pairs.
+_STEPWISE = frozenset([
+    "x", "y", "z", "vx", "vy", "vz", "spin", "wx", "wy", "wz", "q", "v", "ux", "uy", "uz",
+])  # fmt: skip
+_OF_PAIRS = frozenset(["gap", "force", "tangential_force", "moment", "center", "slip", "momentum"])
 
 
 class Simulation:
@@ -68,8 +75,9 @@ class Simulation:
         self._scene = strained(scene, self._plan)
         self._ready = prepare(self._scene, self._plan, Progress())
         self._march, self._observers = self._ready.seen.march, self._ready.seen.observers()
-        self._pushed, self._columns, self._held = False, dict[str, float](), set[str]()
-        self._known = -1  # step of the columns
+        self._pushed, self._held = False, set[str]()
+        self._columns: Mapping[str, float] = {}
+        self._known, self._restored = -1, 0  # step of the columns, number of states restored
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             self._march.begin(self._observers)
 
@@ -158,12 +166,26 @@ class Simulation:
     def columns(self) -> Mapping[str, float]:
         """The history now: column to number, those of probes, bodies, pairs and joints.
 
-        All rows so far are looked at, once a step: it costs the more the longer the run.
+        Places, velocities and spins of bodies, probes and joints are told by the last step. For
+        all others, and for their list, all rows so far are looked at, once a step, which costs the
+        more the longer the run.
         """
         if self._known != self._march.layer:
-            rows = self._motion().history
-            self._columns = {name: float(column.values[-1]) for name, column in rows.items()}
-            self._known = self._march.layer
+            from impactfem.runs.latest import latest  # noqa: PLC0415  (loads DOLFINx)
+
+            layer = self._known = self._march.layer
+            restored = self._restored
+
+            def whole() -> dict[str, float]:
+                if self._restored != restored:
+                    raise SceneError(
+                        "Simulation.columns: these are of before a state was restored; ask for "
+                        "them before that"
+                    )
+                rows = self._motion().history
+                return {name: float(column.values[layer]) for name, column in rows.items()}
+
+            self._columns = _Now(latest(self._ready.seen, turns=False), whole)
         return self._columns
 
     def _motion(self) -> Any:
@@ -200,6 +222,7 @@ class Simulation:
             raise SceneError("Simulation.restore: the state belongs to another scene")
         state.restore(self._ready.seen)
         self._pushed, self._known = state.pushed, -1
+        self._restored += 1
         return self
 
     def result(self) -> Result:
@@ -232,6 +255,36 @@ class Simulation:
     def close(self) -> None:
         """Free matrices and factors; the simulation cannot be stepped any more (collective)."""
         self._ready.destroy()
+
+
+class _Now(Mapping[str, float]):
+    """Columns of one step: those that the step tells, and all when another is asked for."""
+
+    def __init__(self, told: Mapping[str, float], whole: Callable[[], dict[str, float]]) -> None:
+        self._whole, self._every = whole, dict[str, float]()
+        self._told = {
+            name: value
+            for name, value in told.items()
+            if name.rpartition(".")[2] in _STEPWISE and name.partition(".")[0] not in _OF_PAIRS
+        }
+
+    def __getitem__(self, name: str) -> float:
+        found = self._told.get(name)
+        return self._all[name] if found is None else found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def __repr__(self) -> str:
+        return repr(self._all)
+
+    @property
+    def _all(self) -> dict[str, float]:
+        self._every = self._every or self._whole()
+        return self._every
 
 
 def _parted(name: str, given: Force, dim: int) -> tuple[Floats, Floats]:

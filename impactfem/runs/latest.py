@@ -1,4 +1,4 @@
-"""Columns of the last level of a march, for feedback while it goes on."""
+"""Columns of the last level of a march, while it goes on."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -9,21 +9,20 @@ from impactfem.contact.followed_pair import FAR
 from impactfem.marching.collect import total
 from impactfem.marching.rows import Rows
 from impactfem.result.history import Columns, PairMotion, make_history
-from impactfem.runs.feedback import Feedback
 from impactfem.runs.observed import Observed
 from impactfem.runs.solid_bodies import body_motions, momentum_direction
 from impactfem.scene.controllers import CUMULATIVE
 
 
-def latest(seen: Observed, feedback: Feedback) -> Mapping[str, float]:
+def latest(seen: Observed, *, turns: bool) -> Mapping[str, float]:
     """Those that sum up no levels before it, by name (collective).
 
     Args:
         seen: A march on its way.
-        feedback: Whether it wants angles: of bodies whose spins sum up to them all levels count.
+        turns: Whether angles are wanted: of bodies whose spins sum up to them all levels count.
     """
     march, model, whole = seen.march, seen.model, seen.whole
-    first = 0 if feedback.counts_turns else march.layer
+    first = 0 if turns else march.layer
     rows = Rows(
         *(getattr(march.rows, e.name)[first : march.layer + 1] for e in fields(march.rows))
     ).times(whole.factor)

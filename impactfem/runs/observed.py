@@ -128,7 +128,7 @@ class Observed:
 
         if self.feedback is None:
             return
-        read = partial(latest, self, self.feedback)
+        read = partial(latest, self, turns=self.feedback.counts_turns)
         self.feedback(level, read, partial(self._tried, read))
 
     def _tried(self, read: Read, held: Held, output: float, steps: int) -> Tried:

@@ -106,6 +106,23 @@ def test_a_force_held_over_steps_does_its_work():
     assert "forces from outside" in str(result.summary["verdict"])
 
 
+def test_columns_of_a_step_stay_its_own_and_cost_no_more_later(monkeypatch):
+    sim = Simulation(scene(POINT, BOX, duration=0.1, solve={"dt": 1e-2}))
+    start, told, whole = sim.state, sim.step().columns, sim._motion
+    monkeypatch.setattr(sim, "_motion", lambda: pytest.fail("all rows were looked at"))
+    at = told["box.y"], told["ball.vy"]
+    assert sim.step().columns["box.y"] != at[0]
+    monkeypatch.setattr(sim, "_motion", whole)
+    rows = sim.result().history
+    assert (told["box.y"], told["ball.vy"]) == at
+    for name in ("box.y", "ball.vy", "box.angle", "potential_energy"):
+        assert told[name] == pytest.approx(float(rows[name].values[1]), rel=1e-14), name
+    later = sim.step().columns
+    sim.restore(start)
+    with pytest.raises(SceneError, match="before a state was restored"):
+        later["potential_energy"]
+
+
 def test_a_ball_is_held_by_feedback():
     """PD on a point, semi-discrete: the sampled loop settles where the spring says."""
     held = scene(POINT, duration=2.0, friction=0.1, solve={"dt": 1e-3})
