@@ -29,3 +29,8 @@ def check_column_names(scene: Content) -> None:
             text = f"{given}: the pair has the name {show(name)} of {taken[name]}: give another."
             raise KeyedError(where, "name", text)
         taken[name] = where
+    for index, tie in enumerate(scene.ties):
+        if tie.name in taken:
+            text = f" = {show(tie.name)} is the name of the pair of {taken[tie.name]}, of which "
+            text += f"there is a column force.{tie.name} too: give another name."
+            raise KeyedError(f"tie[{index}]", "name", text)

@@ -197,6 +197,11 @@ def test_ranks_agree(monkeypatch):
         (("a/top", "b/bottom"), {"method": "explicit"}, r"tie\[0\].between.*explicit steps"),
         (("a/top", "b/bottom"), {"tie": {"break_force": 0.0}}, r"tie\[0\].break_force"),
         (("a/top", "b/bottom"), {"tie": {"name": "b"}}, "something else"),
+        (
+            ("a/top", "b/bottom"),
+            {"contact": [{"name": "glue", "between": ["a", "b"]}]},
+            "pair of contact",
+        ),
     ],
 )
 def test_bad_ties_are_refused(between, change, words):
