@@ -21,8 +21,9 @@ class EndLoad:
 
     end: str = key(Choice(ENDS), "which end: where the axis begins, or where it points")
     force: MaybeFormulas = key(
-        Formulas(("t",)), "one formula for each axis", unit="N", default=None, absent="none"
-    )
+        Formulas(("t", "u")), "one formula for each axis; u the displacement of the end along it",
+        unit="N", default=None, absent="none",
+    )  # fmt: skip
     moment: MaybeFormulas = key(
         Formulas(("t",), lengths=(1, 3)), "about the end; in the plane one formula, about z",
         unit="N m", default=None, absent="none",

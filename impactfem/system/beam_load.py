@@ -5,7 +5,8 @@ may go by the displacement u of the axis along it. Forces are those of the same 
 Gauss's rule in each element: F = sum_g w_g p(t, x_g, N_g q) N_g, N_g the displacement along e.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.scene.breaks import Break
 from impactfem.scene.formula import Formula
-from impactfem.scene.means import mean_of, stops_of
+from impactfem.scene.means import StepMean, mean_of, stops_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.beam_parts import BeamParts
@@ -30,7 +31,7 @@ class BeamLoad:
         places: X of Gauss's points [m], (points,).
         shapes: Displacements there along each load by the coordinates, (loads, points, d).
         weights: [m], (points,).
-        pushes: Forces and moments on ends, in t, and displacements or turns there, (d,).
+        pushes: Forces on ends in t and u, moments in t, and displacements or turns there, (d,).
     """
 
     formulas: tuple[Formula, ...]
@@ -38,6 +39,12 @@ class BeamLoad:
     shapes: Floats
     weights: Floats
     pushes: tuple[tuple[Formula, Floats], ...] = ()
+    _known: dict[str, tuple[float, float, Floats]] = field(default_factory=dict, compare=False)
+
+    @cached_property
+    def _means(self) -> tuple[StepMean, ...]:
+        """What finds means of `pushes` over a step whose state is iterated."""
+        return tuple(StepMean(formula) for formula, _ in self.pushes)
 
     @classmethod
     def of(cls, parts: BeamParts) -> Self | None:
@@ -82,29 +89,35 @@ class BeamLoad:
                 text += "finite wherever the beam may be, or an obstacle that stops it before"
                 raise KeyedError("beam", "load", f"{text}.")
             found += (self.weights * load) @ shapes
-        for formula, moves in self.pushes:
-            push = float(mean_of(formula, start, end))
+        for (formula, moves), mean in zip(self.pushes, self._means, strict=True):
+            push = mean(start, end, u=float(moves @ q))
             if not np.isfinite(push):
-                text = f" = {show(formula.text)} has no finite value at t = {start:.6g} s."
+                text = f" = {show(formula.text)} has no finite value at t = {start:.6g} s, "
+                text += f"u = {moves @ q:.6g} m: give one that is finite wherever the end may be."
                 raise KeyedError("beam", "end_loads", text)
             found += push * moves
         return found
 
     def _mean(self, formula: Formula, start: float, end: float, bent: Floats) -> Floats:
-        """[N/m], (points,)."""
+        """[N/m], (points,); what does not follow the beam is found once for a step."""
+        known = self._known.get(formula.text)
+        if known is not None and "u" not in formula.used and known[:2] == (start, end):
+            return known[2]
         with np.errstate(all="ignore"):
             if end > start:
                 load = mean_of(formula, start, end, x=self.places, u=bent)
             else:
-                known: dict[str, Any] = {"t": start, "x": self.places, "u": bent}
-                load = formula.of_arrays(known)
-        return load if np.shape(load) == bent.shape else np.broadcast_to(load, bent.shape)
+                at: dict[str, Any] = {"t": start, "x": self.places, "u": bent}
+                load = formula.of_arrays(at)
+        load = np.asarray(np.broadcast_to(load, bent.shape))
+        self._known[formula.text] = start, end, load
+        return load
 
     def stops(self, end: float) -> list[Break]:
         """Where they change in time, up to an end [s]."""
         middle = float(self.places[len(self.places) // 2])
         along = [formula.fixed(x=middle, u=0.0) for formula in self.formulas]
-        each = (*along, *(formula for formula, _ in self.pushes))
+        each = (*along, *(formula.fixed(u=0.0) for formula, _ in self.pushes))
         return [s for formula in each for s in stops_of(formula, end)]
 
 
