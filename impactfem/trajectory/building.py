@@ -47,6 +47,9 @@ class Guess:
         return cls(motion.duration, motion.state_at, motion.control_at, motion.parameters)
 
 
+_SHARE = 0.03  # of the size of controls, whose cost is the size of the cost
+
+
 class Stretch:
     """A problem on one mesh, written into a program.
 
@@ -252,6 +255,19 @@ def sizes_of(problem: Problem, guess: Guess) -> Sizes:
     for j in np.flatnonzero(np.isnan(controls)):
         controls[j] = _acting(states, by_controls[:, j], span)
     return Sizes(states, np.nan_to_num(controls, nan=1.0), parameters, span)
+
+
+def cost_size(problem: Problem, guess: Guess, sizes: Sizes) -> float:
+    """Size of the cost, that of small controls: units then do not matter.
+
+    Where a cost is told to be larger, searches for a cart and pole stay at the motion of least
+    effort near their start; told to be smaller they end at one motion or another, by chance.
+    """
+    x = guess.states(np.array([0.5]))[0]
+    told = problem.rate(0.5 * guess.duration, x, _SHARE * sizes.controls, guess.parameters)
+    found = guess.duration * abs(float(told[1]))
+    found += abs(float(problem.last(guess.duration, x, guess.parameters)))
+    return found if np.isfinite(found) and found > 0.0 else 1.0
 
 
 def _acting(known: Floats, slopes: Floats, span: float) -> float:

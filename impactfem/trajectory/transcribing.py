@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
-from impactfem.trajectory.building import Guess, Sizes, Stretch, sizes_of
+from impactfem.trajectory.building import Guess, Sizes, Stretch, cost_size, sizes_of
 from impactfem.trajectory.following import Followed, followed, followed_closely
 from impactfem.trajectory.motion import Motion
 from impactfem.trajectory.nlp import Answer, Program
@@ -22,7 +22,7 @@ _JUDGED = 1e-3  # defect that is allowed where no mesh is refined
 _ROUNDS = 12  # of refinement
 _PIECES = 4  # an interval is cut into at most
 _NODES = 4000  # of a refined mesh
-_NEAR_ONE = (1e-2, 1e2)  # costs in their size, with which the search may end
+_NEAR_ONE = (1e-2, 1e3)  # costs in their size, with which the search may end
 _LONGER = 1e3  # times the longest duration: looked through for the shortest one that can be
 _REMEDY = "give another guess, more nodes, or bounds of states and controls"
 _REMEDIES = {
@@ -349,7 +349,7 @@ class _Search:
     def solved(self, mesh: Floats, guess: Guess) -> _Found:
         """On one mesh; once more with the size of its cost, if that is far from 1."""
         sizes = sizes_of(self.problem, guess)
-        size = 1.0
+        size = cost_size(self.problem, guess, sizes)
         for _ in range(3):
             answer, motion = self._solved(mesh, guess, sizes, size)
             share = abs(answer.cost) / size

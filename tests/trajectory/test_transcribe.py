@@ -135,6 +135,36 @@ class TestCartPole:
         assert again.cost == pytest.approx(60.03552, abs=1e-4)
 
 
+def test_block_pushed_with_dry_friction():
+    """Relaxed complementarity tends to u = 2 mu g (1 - s/Ts), J = (4/3) (mu g)^2 Ts, from below.
+
+    Controls are push, friction against either way, and the slip's size; its error is of order one
+    in the intervals, since friction is free at the nodes where the block rests.
+    """
+    grip = 0.5 * 9.81
+    time = np.sqrt(6.0 / grip)
+
+    def share(nodes, eps):
+        found = impactfem.transcribe(
+            lambda _t, x, u: [x[1], u[0] - u[1] + u[2]], states=["x", "v"],
+            controls={"push": (0, 40), "ahead": (0, 20), "back": (0, 20), "slip": (0, 20)},
+            duration=time, start={"x": 0, "v": 0}, end={"x": 1, "v": 0},
+            running=lambda _t, _x, u: u[0] ** 2, transcription="trapezoid", nodes=nodes,
+            path=lambda _t, x, u: [
+                u[1] + u[2] - grip, x[1] - u[3], -x[1] - u[3], u[1] * (u[3] - x[1]) - eps,
+                u[2] * (u[3] + x[1]) - eps, (grip - u[1] - u[2]) * u[3] - eps,
+            ],
+            guess={"v": [0, 1.5 / time, 0], "slip": [0, 1.5 / time, 0], "push": grip,
+                   "ahead": grip},
+        )  # fmt: skip
+        assert found.status == "converged"
+        return found.cost / (4 / 3 * grip**2 * time)
+
+    few, more = share(20, 1e-4), share(40, 1e-4)
+    assert share(20, 1e-2) < few < more < 1.0
+    assert 2.0 * more - few == pytest.approx(1.0, abs=0.01)
+
+
 class TestCannotBe:
     def test_time_too_short(self):
         found = quickest(duration=1.5)
