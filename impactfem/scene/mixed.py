@@ -104,8 +104,8 @@ def _check_partners(scene: Content) -> None:
             text = f" of {body.name} and {obstacle.name} is not available: "
             _check_convex(body, text)
             if not (obstacle.is_convex or ridges):
-                text += f"{obstacle.name} may meet edges, faces or bulges of {body.name}, and is "
-                text += "not convex; give boxes, a half_space, a mesh, or a body that is a ball."
+                text += f"{obstacle.name} may meet edges and faces of {body.name}, and is not "
+                text += "convex; give boxes, a half_space, a mesh, or a body that is a ball."
                 raise KeyedError("contact", "", text)
 
 
