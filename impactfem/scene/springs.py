@@ -9,7 +9,7 @@ from impactfem.arrays import Floats
 from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.boundary import Support
 from impactfem.scene.given import MaybeTable, Tables
-from impactfem.scene.inline import InlineTable, ListOf, Vector
+from impactfem.scene.inline import InlineTable, ListOf, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
 from impactfem.scene.mesh_files import MESH_FILES
 from impactfem.scene.rigid_forms import form_of
@@ -72,6 +72,10 @@ class SpringNet(BodyKind):
     velocity: Sequence[float] | None = key(
         Vector(), "at t = 0", unit="m/s", default=None, absent="at rest"
     )
+    angular_velocity: Sequence[float] | float | None = key(
+        NumberOrVector(), "rotation at t = 0 about the centre of mass, added to the velocity",
+        unit="rad/s", default=None, absent="0",
+    )  # fmt: skip
     supports: Tables[Support] = key(
         ListOf(InlineTable((Support,))), 'surfaces that are held, kind = "fixed"', default=()
     )
@@ -91,6 +95,11 @@ class SpringNet(BodyKind):
         if self.velocity is not None and len(self.velocity) != self.dim:
             text = f" has {len(self.velocity)} entries, the body has {self.dim}: give {self.dim}."
             raise self._fail("velocity", text)
+        spin, turns = self.angular_velocity, 2 * self.dim - 3
+        if spin is not None and (np.size(spin) != turns or np.ndim(spin) != self.dim - 2):
+            wanted = "a number" if turns == 1 else "3 numbers"
+            text = f" does not fit {self.dim} coordinates: give {wanted}."
+            raise self._fail("angular_velocity", text)
         for index, support in enumerate(self.supports):
             if support.moves or support.mirrors:
                 text = f' = {show(support.kind)} is not known of springs: give "fixed".'

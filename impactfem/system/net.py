@@ -155,7 +155,11 @@ def net_system(scene: Scene, body: SpringNet) -> Net:
     if not len(free):
         raise MeshError(f"body {body.name}: its supports hold all of it; remove one")
     start = mesh.points.copy()
-    velocity = np.tile(body.centre_velocity(), len(free))
+    centre, spin = mesh.weights @ start, np.zeros(3)
+    if body.angular_velocity is not None:
+        spin[6 - 2 * dim :] = body.angular_velocity
+    whirl = np.cross(spin, in_space(start - centre))[:, :dim]
+    speed = (body.centre_velocity() + whirl)[free]
 
     def places(q: Floats) -> Floats:
         found = start.copy()
@@ -168,12 +172,12 @@ def net_system(scene: Scene, body: SpringNet) -> Net:
     found = Net(
         names=(body.name,),
         masses=(body.mass,),
-        centers=(mesh.weights @ start)[None],
-        speeds=(mass[free].sum() / body.mass * body.centre_velocity())[None],
+        centers=centre[None],
+        speeds=(mass[free] @ speed)[None] / body.mass,
         inertias=(0.0,),
         angles=(0.0,),
         position=start[free].ravel(),
-        velocity=velocity,
+        velocity=speed.ravel(),
         places=places,
         radius=np.full(count, body.radius),
         shell=np.full(count, body.radius),

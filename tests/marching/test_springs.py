@@ -306,3 +306,24 @@ def test_a_net_on_rubber_of_finite_strain_keeps_its_energy():
 @pytest.mark.slow
 def test_a_net_on_rubber_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
     check_restart(on_rubber(0.2, checkpoint=10), 25, tmp_path, monkeypatch)
+
+
+def test_a_net_spins_about_its_centre_and_keeps_what_it_has():
+    with pytest.raises(SceneError, match="does not fit 2 coordinates: give a number"):
+        impactfem.SpringNet(
+            mass=1.0, stiffness=1e3, mesh_size=0.1, angular_velocity=[0.0, 0.0, 3.0],
+            shape=impactfem.shapes.Block(size=[0.2, 0.2], corner=[0.1, 0.0]),
+        )  # fmt: skip
+    net = impactfem.SpringNet(
+        name="net", mass=1.0, stiffness=1e3, mesh_size=0.1, velocity=[1.0, 0.5],
+        angular_velocity=3.0, shape=impactfem.shapes.Block(size=[0.2, 0.2], corner=[0.1, 0.0]),
+    )  # fmt: skip
+    scene = impactfem.Scene(
+        title="spin", duration=2.5, gravity=[0.0, 0.0], bodies=[net],
+        solve=impactfem.Solve(dt=1e-2, estimate=False), output=impactfem.Output(fields=[]),
+    )  # fmt: skip
+    found = impactfem.solve(scene).history
+    assert found["net.spin"].values[0] == pytest.approx(3.0, rel=1e-12)
+    assert found["net.angle"].values[-1] == pytest.approx(7.5, rel=2e-2)  # it stretches
+    for name in ("net.vx", "net.vy", "total_energy", "angular_momentum"):
+        assert np.ptp(found[name].values) < 1e-12

@@ -300,6 +300,10 @@ def _springs(_: Scene, body: Any) -> str:
     start = body.centre_velocity().tolist()
     if any(start):
         text += f", with the velocity {vector(start, 'm/s')}"
+    spin = np.atleast_1d(body.angular_velocity or 0.0).tolist()
+    if any(spin):
+        turning = quantity(spin[0], "rad/s") if len(spin) == 1 else vector(spin, "rad/s")
+        text += f", turning at {turning}"
     held = [support.surface for support in body.supports]
     return f"{text}, held at {', '.join(held)}." if held else f"{text}."
 
