@@ -129,7 +129,10 @@ def _pin(
 ) -> Pin:
     place = np.zeros(3)
     place[: len(given)] = given
-    known = [k for k, name in enumerate(skin.names) if side in (name, name.split("/")[0])]
+    known = [
+        k for k, name in enumerate(skin.names)  # a link by its robot too, a surface by its solid
+        if side in (name, name.split("/")[0]) or side.partition("/")[0] == name
+    ]  # fmt: skip
     exact = [k for k in known if skin.names[k] == side] or known
     nodes = np.flatnonzero(np.isin(skin.bodies, exact)) if side != GROUND else np.empty(0, int)
     if not len(nodes):

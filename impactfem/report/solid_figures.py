@@ -11,6 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from impactfem.arrays import Floats
 from impactfem.report.camera import Camera
@@ -183,7 +184,9 @@ def _complete(
     stressed = bool(painter.skin.is_stressed.any())
     if stressed:
         colours = ScalarMappable(Normalize(*painter.stress), STRESS)
-        bar = figure.colorbar(colours, ax=panels, shrink=0.9)
+        # Ticks that do not depend on the bar's length: the layout measures them once.
+        ticks = MaxNLocator(6, steps=(1, 2, 5, 10))
+        bar = figure.colorbar(colours, ax=panels, shrink=0.9, ticks=ticks)
         prefix_ticks(bar.ax.yaxis, LABEL)
     keys = _keys(painter, areas=areas)
     if keys or stressed:
