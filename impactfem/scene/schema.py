@@ -208,7 +208,7 @@ def _hint(name: str, known: list[str], own: str) -> str:
     if siblings:
         kinds = " or ".join(show(_TABLES[heading].kind) for heading in siblings)  # type: ignore[attr-defined]
         return f"only kind = {kinds} has it; {meant}"
-    if _family(own) == "[[obstacle]] with " and {*map(_family, homes)} == {"[[body]] with "}:
+    if _family(own) == "[[obstacle]] with " and "[[body]] with " in map(_family, homes):
         text = "it belongs to bodies, and obstacles move by motion and rotation only; remove it, or"
         return f"{text} give a body."
     elsewhere = next((other for other in same_as(name) if _homes(other)), "")

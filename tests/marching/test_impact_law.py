@@ -245,7 +245,8 @@ def test_a_body_that_touches_nothing_changes_no_bit_of_others(dim, kind, other, 
     assert len(names) > 4
     for name in names:
         one, two = alone[name].values, beside_it[name].values
-        room = 0.0 if name.startswith("a.") else 1e-15 * np.abs(one).max()
+        # Slips are summed up over the steps.
+        room = 0.0 if name.startswith("a.") else np.finfo(float).eps * len(one) * np.abs(one).max()
         assert np.abs(one - two).max() <= room, name
 
 

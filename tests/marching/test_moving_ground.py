@@ -185,7 +185,7 @@ def test_a_scene_says_its_supports_and_not_the_joints_they_make():
         ({"kind": "fixed", "position": "sin(t)"}, {}, "has no single coordinate"),
         ({}, {"kind": "elastic", "stiffness": 3.0, "motion": ["0", "t"]}, "moves an end that is"),
         ({}, {"motion": ["0"]}, "supports[0].motion"),
-        ({"name": "beam_first"}, {"motion": ["0", "t"]}, "is that of a support that moves"),
+        ({"name": "beam_first"}, {"motion": ["0", "t"]}, "is that of a mass or a support"),
     ],
 )
 def test_what_cannot_move_is_refused(keys, support, told):

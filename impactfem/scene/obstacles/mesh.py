@@ -3,7 +3,7 @@
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -110,9 +110,9 @@ class RigidMesh(RigidObstacle):
             raise KeyedError(self.kind, "kind", text)
         super().check_dimension(dim)
 
-    def meets_sides(self, body: Any) -> bool:
+    def meets_sides(self, body: object) -> bool:
         """All of them."""
-        return bool(body.dim == 3)
+        return bool(getattr(body, "dim", 3) == 3)
 
     @property
     def features(self) -> float:
