@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import mesh as dolfinx_mesh
-from dolfinx.io import gmsh as dolfinx_gmsh
 from mpi4py import MPI
 from pytest_mpi import parallel_assert
 
 import impactfem
 from impactfem import fem
 from impactfem.errors import MeshError, SceneError
+from impactfem.fem.loading import dolfinx_gmsh  # by the name of the version that is installed
 from impactfem.mesh.body_files import read_body
 from impactfem.mesh.raw import outer_facets
 from impactfem.mesh.shapes import shape_mesh
