@@ -30,6 +30,7 @@ from impactfem.marching.stations import Held
 from impactfem.scene import PiecewiseVector
 from impactfem.system.beam_kernels import banded, foreseen_in_step, resistance, tangent, turn_by
 from impactfem.system.flexible_beam import FlexibleBeam, Frames, carried
+from impactfem.system.rigid_modes import unit_spins
 from impactfem.system.stations import Stations
 
 _MOST = 40  # iterates of a layer
@@ -455,14 +456,9 @@ class FlexibleMidpoint(FewInterior):
 
     def spins(self) -> Floats:
         """Velocities of the contact nodes by unit spins [m], (turns, count, dim)."""
-        dim = self.bodies.dim
         places = self.bodies.places(self.coordinates)
-        arms = places - self.bodies.node_mass @ places / self.bodies.masses[0]
-        axes = ((0, 1),) if dim == 2 else ((1, 2), (2, 0), (0, 1))
-        found = np.zeros((len(axes), *places.shape))
-        for k, (i, j) in enumerate(axes):
-            found[k, :, i], found[k, :, j] = -arms[:, j], arms[:, i]
-        return found
+        centre = self.bodies.node_mass @ places / self.bodies.masses[0]
+        return np.array(unit_spins(places - centre))
 
     def summed(self, work: float) -> list[Sums]:
         """Sums now, with the work of loads since the last ones [J]."""

@@ -26,6 +26,7 @@ from impactfem.marching.meshless import step_length
 from impactfem.marching.stations import Held
 from impactfem.scene import PiecewiseVector
 from impactfem.system.net import Net
+from impactfem.system.rigid_modes import unit_spins
 from impactfem.system.stations import Stations
 
 _MOST = 60  # iterates of a layer
@@ -311,14 +312,9 @@ class NetMidpoint(FewInterior):
 
     def spins(self) -> Floats:
         """Velocities of the contact nodes by unit spins [m], (turns, count, dim)."""
-        dim = self.bodies.dim
         places = self.bodies.places(self._q)
-        arms = places - self.bodies.node_mass @ places / self.bodies.masses[0]
-        axes = ((0, 1),) if dim == 2 else ((1, 2), (2, 0), (0, 1))
-        found = np.zeros((len(axes), *places.shape))
-        for k, (i, j) in enumerate(axes):
-            found[k, :, i], found[k, :, j] = -arms[:, j], arms[:, i]
-        return found
+        centre = self.bodies.node_mass @ places / self.bodies.masses[0]
+        return np.array(unit_spins(places - centre))
 
     def summed(self, work: float) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums now."""
