@@ -16,8 +16,9 @@ from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.convex_pairs import Marked, Placed, Pose, settled
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting, Turning
-from impactfem.contact.terrain_kernels import struck, triangles_in
+from impactfem.contact.terrain_kernels import struck
 from impactfem.scene.closed_surface import ClosedSurface
+from impactfem.scene.surface_kernels import triangles_in
 
 type Points = tuple[Floats, Floats, Floats]
 """Places on the core of a shape and on a surface [m], and directions, (places, 3) each."""

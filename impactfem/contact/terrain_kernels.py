@@ -10,35 +10,6 @@ _SLOTS = 8  # contact points of a triangle
 
 
 @compiled
-def triangles_in(least, most, order, low, high, starts):
-    """Triangles whose boxes meet a box; the tree is `impactfem.scene.closed_surface.Tree`."""
-    nodes, stack = len(starts), np.empty(128, dtype=np.int64)
-    found, count, filled = np.empty(16, dtype=np.int64), 0, 1
-    stack[0] = 0
-    while filled:
-        filled -= 1
-        node = stack[filled]
-        apart = False
-        for axis in range(3):
-            apart |= least[axis] > high[node, axis] or most[axis] < low[node, axis]
-        if apart:
-            continue
-        left = 2 * node + 1
-        if left < nodes:
-            stack[filled], stack[filled + 1] = left, left + 1
-            filled += 2
-            continue
-        for at in range(starts[node, 0], starts[node, 1]):
-            if count == len(found):
-                more = np.empty(2 * count, dtype=np.int64)
-                more[:count] = found
-                found = more
-            found[count] = order[at]
-            count += 1
-    return found[:count]
-
-
-@compiled
 def _aimed(body, axis, n):
     """The prism of a cylinder, turned so that an edge is lowest along a direction."""
     vertices, normals, flat, starts, loop, edges, ways, radius = body

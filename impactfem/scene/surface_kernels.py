@@ -144,6 +144,35 @@ def nearest_faces(points, corners, order, low, high, starts, known, below, found
 
 
 @compiled
+def triangles_in(least, most, order, low, high, starts):
+    """Triangles whose boxes meet a box; the tree as above."""
+    nodes, stack = len(starts), np.empty(128, dtype=np.int64)
+    found, count, filled = np.empty(16, dtype=np.int64), 0, 1
+    stack[0] = 0
+    while filled:
+        filled -= 1
+        node = stack[filled]
+        apart = False
+        for axis in range(3):
+            apart |= least[axis] > high[node, axis] or most[axis] < low[node, axis]
+        if apart:
+            continue
+        left = 2 * node + 1
+        if left < nodes:
+            stack[filled], stack[filled + 1] = left, left + 1
+            filled += 2
+            continue
+        for at in range(starts[node, 0], starts[node, 1]):
+            if count == len(found):
+                more = np.empty(2 * count, dtype=np.int64)
+                more[:count] = found
+                found = more
+            found[count] = order[at]
+            count += 1
+    return found[:count]
+
+
+@compiled
 def crossing(edges, points, triangles, corners, order, low, high, starts):
     """First edge that passes through a triangle with which it shares no corner.
 
@@ -157,47 +186,29 @@ def crossing(edges, points, triangles, corners, order, low, high, starts):
     Returns:
         Number of the edge, and of the triangle; -1, -1 if there is none.
     """
-    nodes = len(starts)
-    stack = np.empty(128, dtype=np.int64)
     for k in range(len(edges)):
         i, j = edges[k]
         start, end = points[i], points[j]
         way = end - start
         least, most = np.minimum(start, end), np.maximum(start, end)
-        filled = 1
-        stack[0] = 0
-        while filled:
-            filled -= 1
-            node = stack[filled]
-            apart = False
-            for axis in range(3):
-                apart |= least[axis] > high[node, axis] or most[axis] < low[node, axis]
-            if apart:
+        for number in triangles_in(least, most, order, low, high, starts):
+            shares = False
+            for corner in triangles[number]:
+                shares |= corner in (i, j)
+            if shares:
                 continue
-            left = 2 * node + 1
-            if left < nodes:
-                stack[filled], stack[filled + 1] = left, left + 1
-                filled += 2
+            # Moeller and Trumbore, J. Graphics Tools 2 (1997) 21-28.
+            one = corners[number]
+            first, second = one[1] - one[0], one[2] - one[0]
+            across = np.cross(way, second)
+            det = np.dot(first, across)
+            if det == 0.0:
                 continue
-            for at in range(starts[node, 0], starts[node, 1]):
-                number = order[at]
-                shares = False
-                for corner in triangles[number]:
-                    shares |= corner in (i, j)
-                if shares:
-                    continue
-                # Moeller and Trumbore, J. Graphics Tools 2 (1997) 21-28.
-                one = corners[number]
-                first, second = one[1] - one[0], one[2] - one[0]
-                across = np.cross(way, second)
-                det = np.dot(first, across)
-                if det == 0.0:
-                    continue
-                arm = start - one[0]
-                u = np.dot(arm, across) / det
-                other = np.cross(arm, first)
-                v = np.dot(way, other) / det
-                t = np.dot(second, other) / det
-                if min(u, v, 1.0 - u - v) > _ASIDE and _ASIDE < t < 1.0 - _ASIDE:
-                    return k, number
+            arm = start - one[0]
+            u = np.dot(arm, across) / det
+            other = np.cross(arm, first)
+            v = np.dot(way, other) / det
+            t = np.dot(second, other) / det
+            if min(u, v, 1.0 - u - v) > _ASIDE and _ASIDE < t < 1.0 - _ASIDE:
+                return k, number
     return -1, -1
