@@ -13,6 +13,7 @@ from impactfem.errors import SceneError
 from impactfem.findings import Finding, percent
 from impactfem.marching.rows import Level
 from impactfem.result.history import CONTROLLER_COLUMN, column_of
+from impactfem.result.summary import ControllerFigures
 from impactfem.runs.run import Run
 from impactfem.scene import Scene
 from impactfem.scene.controllers import Controller
@@ -91,10 +92,10 @@ class Loop:
 
     def count(self, found: float) -> float:
         """Note a sample; its output within the limits."""
-        low, high = self.controller.limits or (-math.inf, math.inf)
+        low, high = self.controller.ends
         self.cut += not low < found < high
         self.samples += 1
-        within = min(max(found, low), high)
+        within = self.controller.within(found)
         self.largest = max(self.largest, abs(within))
         return within
 
@@ -125,29 +126,34 @@ class Loop:
             rate = own.target_rate.number({"t": ahead}) - float(measured[-1])
         self.before = off
         if own.law == "bang_bang":
-            return self._switched(off, rate)
+            return self._switched(time, off, rate)
         if own.law == "implicit_pd":  # at the end of the sample, of m v' = u by backward Euler
             off -= self.span * float(measured[-1])
-            shared = 1.0 + (self.span * own.kd + self.span**2 * own.kp) / self.inertia
-            return (own.kp * off + own.kd * rate) / shared
+            return (own.kp * off + own.kd * rate) / self._shared
         if own.law != "pid":
             return own.kp * off + (own.kd * rate if own.law == "pd" else 0.0)
         found = own.kp * off + own.kd * rate + own.ki * self.integral
-        low, high = own.limits or (-math.inf, math.inf)
+        low, high = own.ends
         pressing = own.ki * off > 0.0 if found >= high else own.ki * off < 0.0
         if not (own.anti_windup and pressing and not low < found < high):
             self.integral += self.span * off
         return found
 
-    def _switched(self, off: float, rate: float) -> float:
+    @property
+    def _shared(self) -> float:
+        """By what an implicit law is less than one that does not look ahead."""
+        own = self.controller
+        return 1.0 + (self.span * own.kd + self.span**2 * own.kp) / self.inertia
+
+    def _switched(self, time: float, off: float, rate: float) -> float:
         """The largest force to the side of the switching curve; two samples before it ends, less.
 
         The last force is the deadbeat one of a mass under held forces.
         """
         own, (e, v) = self.controller, (-off, -rate)
-        low, high = own.limits or (0.0, 0.0)
+        low, high = own.ends
         if own.curve is not None:
-            return high if own.curve.number({"t": 0.0, "e": e, "v": v}) < 0.0 else low
+            return high if own.curve.number({"t": time, "e": e, "v": v}) < 0.0 else low
         last = -self.inertia * (e / self.span**2 + 1.5 * v / self.span)
         if low <= last <= high:
             return last
@@ -164,8 +170,7 @@ class Loop:
             return None
         kd = own.kd if own.law != "p" else 0.0
         if own.law == "implicit_pd":
-            shared = 1.0 + (self.span * own.kd + self.span**2 * own.kp) / self.inertia
-            return np.array([own.kp, self.span * own.kp + kd]) / shared
+            return np.array([own.kp, self.span * own.kp + kd]) / self._shared
         return np.array([own.kp, kd])
 
 
@@ -269,8 +274,7 @@ class Feedback:
                 raise SceneError(
                     f"Simulation.step: outputs[{show(name)}] = {show(value)} is no finite number"
                 )
-            low, high = known[name].limits or (-math.inf, math.inf)
-            known[name].held.value = min(max(float(value), low), high)
+            known[name].held.value = known[name].within(float(value))
 
     @property
     def counts_turns(self) -> bool:
@@ -369,19 +373,19 @@ class Feedback:
 
     # --- what they have done ---
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, ControllerFigures]:
         """By name, for the summary."""
         return {
-            loop.controller.name: {
-                "kind": loop.controller.law,
-                "sample": loop.span,
-                "inertia": loop.inertia,
-                "spectral_radius": loop.radius,
-                "saturated": loop.cut / max(1, loop.samples),
-                "largest": loop.largest,
-                "work": None if math.isnan(loop.along) else loop.work,
-            }
-            for loop in self.loops
+            e.controller.name: ControllerFigures(
+                kind=e.controller.law,
+                sample=e.span,
+                inertia=e.inertia,
+                spectral_radius=e.radius,
+                saturated=e.cut / max(1, e.samples),
+                largest=e.largest,
+                work=None if math.isnan(e.along) else e.work,
+            )
+            for e in self.loops
         }
 
     def findings(self) -> list[Finding]:
@@ -426,16 +430,15 @@ def controlled(scene: Scene, run: Run) -> Run:
             continue
         found = own.outputs(time, [run.history[name].values for name in own.measured])
         run.history[f"{own.name}.{CONTROLLER_COLUMN}"] = column_of(own.name, found)
-        low, high = own.limits or (-math.inf, math.inf)
-        figures[own.name] = {
-            "kind": own.law, "sample": 0.0, "inertia": None, "spectral_radius": None,
-            "saturated": float(np.mean((found <= low) | (found >= high))),
-            "largest": float(np.abs(found).max()), "work": None,
-        }  # fmt: skip
-        along = own.acted_column
+        (low, high), along, work = own.ends, own.acted_column, None
         if along is not None and along in run.history:
             way = np.diff(run.history[along].values)
-            figures[own.name]["work"] = float(0.5 * (found[1:] + found[:-1]) @ way)
+            work = float(0.5 * (found[1:] + found[:-1]) @ way)
+        figures[own.name] = ControllerFigures(
+            kind=own.law, sample=0.0, inertia=None, spectral_radius=None,
+            saturated=float(np.mean((found <= low) | (found >= high))),
+            largest=float(np.abs(found).max()), work=work,
+        )  # fmt: skip
     if not figures:
         return run
     details = {**run.effort.details, "controllers": figures}

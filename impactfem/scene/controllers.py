@@ -22,6 +22,7 @@ from impactfem.scene.inline import InlineTable, ListOf, Vector
 from impactfem.scene.inverse import check_formula_name
 from impactfem.scene.kinds import Choice, FormulaOf, Integer, Line, Name, Real, Switch
 from impactfem.scene.least_cost import least_cost_gains
+from impactfem.scene.scalar_formula import arrays
 from impactfem.scene.schema import KeyedError, key, keys_of, table
 from impactfem.scene.values import NotAllowedError, show
 
@@ -193,7 +194,7 @@ class Controller:
                 raise self._fail("columns" if self.columns else "of", text)
 
     def _check_limits(self) -> None:
-        low, high = self.limits or (-math.inf, math.inf)
+        low, high = self.ends
         if not low < high:
             text = f" = {show([low, high])}: give the smaller number first."
             raise self._fail("limits", text)
@@ -332,10 +333,21 @@ class Controller:
             found = _sum(
                 [_times(k, _less(w, x)) for k, w, x in zip(*self.linear, places, strict=True)]
             )
-        low, high = self.limits or (-math.inf, math.inf)
-        if math.isfinite(low):
+        if self.limits is not None:
+            low, high = self.limits
             found = ("call", "min", (("call", "max", (found, low)), high))
         return found
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Least and largest output; infinite where there are no limits."""
+        low, high = self.limits or (-math.inf, math.inf)
+        return low, high
+
+    def within(self, output: float) -> float:
+        """An output within the limits."""
+        low, high = self.ends
+        return min(max(output, low), high)
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -352,16 +364,9 @@ class Controller:
 
     def outputs(self, time: Floats, measured: Sequence[Floats]) -> Floats:
         """Its outputs where it is part of the steps, of columns at some times [s], (rows,)."""
-        if self.law == "feedback":
-            found = self.parsed(t=time, **dict(zip(self.words, measured, strict=True)))
-        else:
-            wanted = [self.target(t=time), self.target_rate(t=time)]
-            if self.law == "lqr":
-                wanted = list(self.equilibrium or np.zeros(len(measured)))
-            each = zip(self.linear[0], wanted, measured, strict=False)
-            found = sum((k * (w - y) for k, w, y in each), np.zeros(len(time)))
-        low, high = self.limits or (-math.inf, math.inf)
-        return np.minimum(np.maximum(np.asarray(found, dtype=float), low), high)
+        words = (self._own[name] for name in self.measured)
+        found = arrays(self.node)({"t": time, **dict(zip(words, measured, strict=True))})
+        return np.asarray(found + np.zeros(len(time)))
 
 
 def _less(one: Node, other: Node) -> Node:

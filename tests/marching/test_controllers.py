@@ -177,6 +177,14 @@ def test_bang_bang_is_of_least_time():
     assert np.abs(history["m.vx"].values[late]).max() < 1e-9
 
 
+def test_a_switching_curve_may_change_in_time():
+    scene = sliding(0.1, kind="bang_bang", limits=[-2.0, 3.0], sample=0.01,
+                    curve="where(t < 0.045, -1, 1)")  # fmt: skip
+    history = impactfem.solve(scene).history
+    t, u = history["time"].values[1:], history["hold.u"].values[1:]
+    np.testing.assert_array_equal(u, np.where(t < 0.05 + 1e-9, 3.0, -2.0))
+
+
 def test_gains_of_a_quadratic_cost_are_those_of_riccati():
     """Of held forces, with the integral of the cost; the cost from there on is x P x."""
     h, q, r = 0.1, np.diag([3.0, 1.0]), 0.5
