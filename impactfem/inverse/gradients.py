@@ -23,6 +23,7 @@ GOOD_RATE = 1.8
 _LONGEST, _SHORTEST, _SHORTER = 1e-3, 1e-6, 10.0  # steps of the check, in sizes of parameters
 _HALVINGS = 3
 _KINK = 1e-6  # share by which slopes on both sides may differ
+_MESHED_KINK = 0.05  # likewise where gaps that close from step to step bend what is computed
 _VALLEY = 0.05  # share of the larger slope that the other may fall still: searches end beside kinks
 _ROUNDING = 1e-11  # share of the objective's size and change that is rounding in a remainder
 
@@ -76,7 +77,7 @@ class Gradient:
         sides: dJ/dp below and above each parameter, by its name, where they differ; the gradient
             is then their mean. None: it is one.
         error: Of each derivative against that of the exact solution, by the name of the parameter;
-            None: there is no mesh.
+            None: there is no mesh, or no solution without one.
     """
 
     objective: float
@@ -135,7 +136,8 @@ def gradient(scene: Scene | str | Path) -> Gradient:
     """Take the gradient of a scene's objective by its parameters, at their starts.
 
     Points, one rod and one rigid body are followed from event to event with derivatives along
-    (see `impactfem.vibro.tangents`); a bar by its exact solution at neighbouring values.
+    (see `impactfem.vibro.tangents`); a bar by its exact solution at neighbouring values; solids
+    along the sets of their time steps (see `impactfem.inverse.solids`).
 
     Args:
         scene: A scene with parameters and an objective, or measures with data; or its file.
@@ -202,7 +204,8 @@ def _beside(varied: Varied, told: Slopes) -> tuple[Floats, Floats]:
 def kinks(varied: Varied, told: Slopes, *, valley: bool = False) -> list[str]:
     """Why a gradient is none: kinks that the motion makes.
 
-    Sides that a mesh makes are none: their mean is the derivative without it.
+    Sides that a mesh makes are none: their mean is the derivative without it. Where no run tells
+    what it makes, those are that differ by as much as slopes of discrete motions do.
 
     Args:
         varied: The scene.
@@ -216,7 +219,7 @@ def kinks(varied: Varied, told: Slopes, *, valley: bool = False) -> list[str]:
     below, above = _beside(varied, told) if valley else told.sides
     below, above = np.atleast_2d(below), np.atleast_2d(above)
     larger = np.maximum(np.abs(below), np.abs(above))
-    apart = np.abs(above - below) > _KINK * larger
+    apart = np.abs(above - below) > (_MESHED_KINK if meshed else _KINK) * larger
     if valley:
         apart &= (below > _VALLEY * larger) | (above < -_VALLEY * larger)
     if not apart.any():

@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.inverse.bars import BarRuns, differences, reader
-from impactfem.inverse.outcomes import Outcome
+from impactfem.inverse.outcomes import Outcome, at_times
 from impactfem.inverse.pulses import force_rise, pressed_time
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.planning import BarNumbers, Plan
 from impactfem.result.bar_motion import BarMotion
 from impactfem.result.bar_row_motion import RowMotion, row_history
-from impactfem.result.table import Series, Table
 from impactfem.runs.line_probes import bar_probes
 from impactfem.scene import Scene
 from impactfem.system.spring_wall import wall_gap
@@ -96,14 +95,7 @@ class HeldSets(ABC):
         def at(values: Floats) -> Floats:
             return np.asarray(np.interp(times, levels, values))
 
-        told = Table.over_time(
-            times,
-            {
-                name: Series(column.dims, at(np.asarray(column.values, float)), column.attrs)
-                for name, column in history.items()
-                if name != "time" and column.values.ndim == 1
-            },
-        )
+        told = at_times(history, times)
         pairs = (n.removeprefix("force.") for n, _ in told.items() if n.startswith("force."))
         (pair,) = pairs
         pushed = np.concatenate([[0.0], np.cumsum(row.force[:, 0] * np.diff(levels))])

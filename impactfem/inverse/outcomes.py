@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.result.table import Table
+from impactfem.result.table import Series, Table
 
 
 @dataclass(frozen=True)
@@ -52,3 +52,20 @@ class Outcome:
             *(f"force_rise.{name}" for name in self.rise),
             *(f"rebound_speed.{name}" for name in self.rebound),
         ]
+
+
+def at_times(history: Table, times: Floats) -> Table:
+    """Columns of a history at some times [s], linear between its rows."""
+    levels = np.asarray(history["time"].values)
+    return Table.over_time(
+        times,
+        {
+            name: Series(
+                column.dims,
+                np.asarray(np.interp(times, levels, np.asarray(column.values, float))),
+                column.attrs,
+            )
+            for name, column in history.items()
+            if name != "time" and column.values.ndim == 1
+        },
+    )

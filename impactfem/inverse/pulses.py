@@ -32,13 +32,20 @@ def force_rise(times: Floats, places: Floats, force: Floats) -> float:
     Returns:
         NaN where nothing touches.
     """
-    half = 0.5 * float(force.max(initial=0.0))
     below = np.flatnonzero(places < 0.0)
-    if not half > 0.0 or not below.size:
+    if not below.size:
         return float("nan")
     first = max(int(below[0]) - 1, 0)
     before, after = places[first], places[first + 1]
     begin = times[first] + (times[first + 1] - times[first]) * before / (before - after)
+    return rise_rate(times, float(begin), force)
+
+
+def rise_rate(times: Floats, begin: float, force: Floats) -> float:
+    """The same from a time at which it touches first [s]."""
+    half = 0.5 * float(force.max(initial=0.0))
+    if not half > 0.0:
+        return float("nan")
     middles = 0.5 * (times[1:] + times[:-1])
     over = int(np.flatnonzero((force >= half) & (middles > begin))[0])
     start = (begin, 0.0)

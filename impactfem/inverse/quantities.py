@@ -216,7 +216,9 @@ class Quantities:
             of, times = self.scene.measures[index].of, self.data[index].times
             if of.partition(".")[0] not in _FORCES or len(times) < _HISTORY:
                 continue
-            if self.scene.contacts and all(law.stiffness for law in self.scene.contacts):
+            soft = self.scene.contacts and all(law.stiffness for law in self.scene.contacts)
+            round_ = {getattr(solid.shape, "kind", "") for solid in self.scene.solids}
+            if soft or (round_ and round_ <= _ROUND):
                 continue  # such forces begin and end at 0
             found.append(
                 f"{of} jumps where contacts begin and end: its misfit has a V at the answer and "
@@ -282,6 +284,7 @@ def _of_pair(term: Term, outcome: Outcome) -> float:
 
 
 _FORCES = ("force", "contact_force")
+_ROUND = {"disc", "sphere"}
 _HISTORY = 2  # values of a history
 _ENERGIES = {
     "terminal_energy": ("kinetic", "elastic", "potential"),

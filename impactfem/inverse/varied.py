@@ -17,6 +17,7 @@ from impactfem.inverse.layered_bars import LayeredBars
 from impactfem.inverse.meshed_bars import DiscontinuousBars, MonolithicBars
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
+from impactfem.inverse.solids import STEPPED, SolidRuns
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.methods import METHODS
 from impactfem.planning import Plan, plan
@@ -96,8 +97,17 @@ RUNS: Mapping[str, Callable[[Plan[Any], Scene], Any]] = {
 """Runs with derivatives of a plan and its scene, by method."""
 
 
+def _runs(chosen: Plan[Any], scene: Scene) -> Callable[[Plan[Any], Scene], Any] | None:
+    """What makes the runs with derivatives of a plan; None if it has none that are right."""
+    if scene.solver == "march":
+        return SolidRuns.of if chosen.method in STEPPED else None
+    return RUNS.get(chosen.method)
+
+
 def _known(scene: Scene) -> list[str]:
     """Methods with derivatives that know the bodies of a scene."""
+    if scene.solver == "march":
+        return list(STEPPED) if scene.solids else []
     return [name for name in RUNS if METHODS[name].bodies & scene.kinds]
 
 
@@ -160,13 +170,14 @@ class Varied:
             )
         quantities = Quantities.of(scene)
         chosen = _planned(scene)
-        if chosen.method not in RUNS:
+        runs = _runs(chosen, scene)
+        if runs is None:
             remedy = " or ".join(f"solve.method = {show(n)}" for n in _known(scene))
             raise SceneError(
                 f"solve.method = {show(chosen.method)} has no derivatives that are right: use "
-                f"{remedy or 'points, one rod, one rigid body or one bar'}, which have"
+                f"{remedy or 'solids, points, one rod, one rigid body or one bar'}, which have"
             )
-        return cls(scene, quantities, chosen, RUNS[chosen.method](chosen, scene))
+        return cls(scene, quantities, chosen, runs(chosen, scene))
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -229,9 +240,10 @@ class Varied:
         """The objective with a plan of its own, and that plan."""
         scene = self.at(values)
         other = replace(self, scene=scene, chosen=_planned(scene), kept=None, _last=None)
-        if other.chosen.method not in RUNS:
+        runs = _runs(other.chosen, scene)
+        if runs is None:
             return float("nan"), other.chosen
-        other.runs = RUNS[other.chosen.method](other.chosen, scene)
+        other.runs = runs(other.chosen, scene)
         return other.quantities.objective(other.numbers(values)), other.chosen
 
     def check_moves(self, q: Floats, jacobian: Floats) -> None:

@@ -76,6 +76,11 @@ class RubbingMarch(SolidMarch):
             setattr(self._rubbing, name, memory[name])
         self._rubbing.law.accuracy.reached = float(memory["residual"])
 
+    @property
+    def sets(self) -> Booleans:
+        """Which gaps press, and which stick, (gaps, 2)."""
+        return np.hstack([super().sets, self._rubbing.stuck[:, None] > 0.0])
+
     def figures(self) -> Mapping[str, Any]:
         """What is not determined of the forces, and the residual where it is not rounding."""
         reached = self._rubbing.law.accuracy.reached

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from impactfem.arrays import Floats, Integers
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.adhesion import Bonds
 from impactfem.contact.complementarity import Solver
 from impactfem.contact.friction_solver import Solving
@@ -206,6 +206,11 @@ class TimeLoop[I: Stepper](ABC):
     def asked(self) -> Integers:
         """Contact nodes whose answers to forces are known, in the order of their finding."""
         return np.zeros(0, dtype=np.int64)
+
+    @property
+    def sets(self) -> Booleans:
+        """Which gaps press at the last level, and with friction which stick, (gaps, 1 or 2)."""
+        return (self.contact.multiplier > 0.0)[:, None]
 
     @property
     def gaps(self) -> ContactGaps:

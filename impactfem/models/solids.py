@@ -398,6 +398,20 @@ class SolidsModel:
         part = self.parts[body]
         return SurfaceNodes.of(self.comm, part.solid.dim, self.numbers[body], part.system.numbers)
 
+    def beside(self, scene: Scene) -> "SolidsModel":
+        """The same bodies with other numbers, on the meshes of these (collective).
+
+        Args:
+            scene: The other scene, whose solids have the same shapes and elements.
+        """
+        parts: list[SolidPart] = []
+        ties = Ties(scene, parts)
+        for part, solid in zip(self.parts, scene.solids, strict=True):
+            parts.append(SolidPart(self.comm, scene, solid, part.degree, part.mesh, ties))
+        model = SolidsModel(self.comm, scene, tuple(parts), self.updated, few_bodies(scene))
+        set_out(model)
+        return model
+
     @cached_property
     def contact_count(self) -> int:
         """Number of gaps."""

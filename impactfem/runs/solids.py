@@ -28,7 +28,7 @@ from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import scheme_of
 from impactfem.marching.wave_bar import WaveBar
-from impactfem.models.solids import solids_model
+from impactfem.models.solids import SolidsModel, solids_model
 from impactfem.result.history import write_csv
 from impactfem.result.store import PARTIAL, SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
@@ -150,12 +150,14 @@ def run_solids(
 
 
 def prepare(
-    scene: Scene, plan: "Plan[MarchNumbers]", progress: Progress, places: Places | None = None
-) -> Ready:
-    """Prepare a march; see `run_solids`."""
+    scene: Scene, plan: "Plan[MarchNumbers]", progress: Progress, places: Places | None = None,
+    model: SolidsModel | None = None,
+) -> Ready:  # fmt: skip
+    """Prepare a march; see `run_solids`. A model of the scene that there is already is taken."""
     numbers = plan.numbers
     progress.step("meshing and assembling")
-    model = solids_model(scene, numbers.degrees, updated=numbers.normals == "updated")
+    if model is None:
+        model = solids_model(scene, numbers.degrees, updated=numbers.normals == "updated")
     scheme = scheme_of(plan.method, finite=any(solid.is_finite for solid in scene.solids))
     surfaces = [model.surface(k) for k in range(len(model.parts))]
     transfers = [

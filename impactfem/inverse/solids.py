@@ -1,0 +1,354 @@
+"""Solids by time steps whose contact nodes carry no mass: outcomes, and their derivatives.
+
+Steps, meshes and contact nodes are those of the start. For given sets of gaps that press, stick and
+slip the motion of a step is smooth in what varies, the weight theta of its forces included, so that
+the derivatives of what is computed are those along these sets.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.errors import ConvergenceError, SceneError
+from impactfem.inverse.bars import apart
+from impactfem.inverse.outcomes import Outcome, at_times
+from impactfem.inverse.pulses import rise_rate
+from impactfem.inverse.quantities import Quantities
+from impactfem.inverse.steps import Changes, Slopes
+from impactfem.log import Progress
+from impactfem.result.table import Table
+from impactfem.scene import Scene, Solid
+
+if TYPE_CHECKING:
+    from impactfem.models.solids import SolidsModel
+    from impactfem.planning import MarchNumbers, Plan
+    from impactfem.runs.solids import Ready
+
+STEPPED = ("massless", "conserving", "explicit")
+"""Methods of solids whose derivatives are right: an impact does not jump from step to step."""
+
+_STEPS = (1e-5, 1e-6, 1e-7)
+"""Shares of an unknown between neighbours: the longest is taken within which sets stay."""
+
+_SHAPING = (
+    "model", "shape", "mesh", "position", "part", "mesh_size", "refine", "cells", "degree",
+)  # fmt: skip
+"""What makes the mesh of a solid."""
+
+
+class Marched(NamedTuple):
+    """A march that has ended.
+
+    Attributes:
+        outcome: What it offers to measures.
+        sets: Which gaps press and stick at each level, as bytes.
+    """
+
+    outcome: Outcome
+    sets: bytes
+
+
+@dataclass(frozen=True)
+class SolidRuns:
+    """Runs of solids as planned: time step and meshes stay.
+
+    Attributes:
+        chosen: The plan, with the time step of the start.
+        model: The solids of the start.
+    """
+
+    chosen: "Plan[MarchNumbers]"
+    model: "SolidsModel"
+
+    @classmethod
+    def of(cls, chosen: "Plan[MarchNumbers]", scene: Scene) -> "SolidRuns":
+        """On the meshes of a plan.
+
+        Raises:
+            SceneError: There are bodies of other kinds.
+        """
+        from impactfem.models.solids import solids_model  # noqa: PLC0415  (DOLFINx)
+        from impactfem.runs.marched import strained  # noqa: PLC0415
+        from impactfem.runs.solids import prepare  # noqa: PLC0415
+
+        for body in scene.bodies:
+            if not isinstance(body, Solid):
+                raise SceneError(
+                    f"body {body.name}: a {body.kind} beside solids, or in time steps, has no "
+                    "derivatives: its impacts jump from step to step; leave it out, or take solids"
+                )
+        numbers = replace(chosen.numbers, estimate=False)
+        scene = strained(scene, chosen)
+        updated = numbers.normals == "updated"
+        model = solids_model(scene, numbers.degrees, updated=updated)
+        if numbers.dt is None:
+            ready = prepare(scene, replace(chosen, numbers=numbers), Progress(), model=model)
+            numbers = replace(numbers, dt=ready.seen.march.interior.dt, courant=None)
+            ready.destroy()
+        return cls(replace(chosen, numbers=numbers), model)
+
+    def outcome(self, scene: Scene, times: Floats) -> Outcome:
+        """A run, known at some times: columns are linear between levels."""
+        return self.march(scene, times).outcome
+
+    def reference(self, scene: Scene) -> None:
+        """None that costs as little: finer elements are another scene."""
+
+    def march(self, scene: Scene, times: Floats) -> Marched:
+        """March a scene with the steps and meshes of the start.
+
+        Raises:
+            SceneError: Its solids have other shapes.
+            ConvergenceError: A step did not settle.
+        """
+        ready = self.ready(scene)
+        try:
+            sets = list[Booleans]()
+            ready.seen.march.run([*ready.seen.observers(), lambda _: sets.append(_sets(ready))])
+            return Marched(self.told(scene, ready, times), b"".join(map(_packed, sets)))
+        finally:
+            ready.destroy()
+
+    def ready(self, scene: Scene) -> "Ready":
+        """A march of a scene that is ready to run, on the meshes of the start."""
+        from impactfem.runs.marched import strained  # noqa: PLC0415  (DOLFINx)
+        from impactfem.runs.solids import prepare  # noqa: PLC0415
+
+        own = self.model.scene
+        for k, (solid, other) in enumerate(zip(own.solids, scene.solids, strict=True)):
+            for name in _SHAPING:
+                if getattr(solid, name) != getattr(other, name):
+                    raise SceneError(
+                        f"body[{k}].{name}: gradients keep the meshes of the start; vary the place "
+                        "by the displacement of the body or the point of the obstacle, not the "
+                        f"shape of {solid.name}"
+                    )
+        scene = strained(_plain(scene), self.chosen)
+        return prepare(scene, self.chosen, Progress(), model=self.model.beside(scene))
+
+    def told(self, scene: Scene, ready: "Ready", times: Floats) -> Outcome:
+        """What is known of a march at some times."""
+        from impactfem.runs.solid_rows import solids_motion  # noqa: PLC0415  (DOLFINx)
+
+        seen = ready.seen
+        motion = solids_motion(seen)
+        if not motion.is_finite or len(motion.history["time"].values) <= seen.march.layers:
+            raise ConvergenceError("the motion is no longer finite; take smaller steps or loads")
+        history, whole = motion.history, seen.whole
+        levels = np.asarray(history["time"].values)
+        pairs = [_Pair.of(name, history, seen.march.tolerance) for name in seen.march.pairs]
+
+        def of(values: Callable[["_Pair"], Any]) -> dict[str, Any]:
+            return {pair.name: values(pair) for pair in pairs}
+
+        return Outcome(
+            at_times(history, times),
+            of(lambda pair: np.interp(times, levels, pair.impulse)),
+            of(lambda pair: pair.duration),
+            {
+                name: _rebound(name, scene, history, pairs) for name in seen.model.names
+            },
+            {name: whole.factor * mass for name, (mass, _) in seen.model.masses.items()},
+            np.interp(times, levels, _driven(ready)),
+            of(lambda pair: float(pair.force.max(initial=0.0))),
+            of(lambda pair: pair.begin),
+            of(lambda pair: rise_rate(levels, pair.begin, pair.force[1:])),
+        )  # fmt: skip
+
+    def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
+        """Numbers of a run and their derivatives, along the sets of its steps."""
+        return _Beside(self, changes, quantities).slopes()
+
+
+def _plain(scene: Scene) -> Scene:
+    """Without fields, which nobody looks at."""
+    return scene.with_settings({"output.fields": []}) if scene.output.fields else scene
+
+
+def _sets(ready: "Ready") -> Booleans:
+    return ready.seen.march.sets
+
+
+def _packed(sets: Booleans) -> bytes:
+    """Sets of a level as bytes, which change where a number of gaps does, too."""
+    return len(sets).to_bytes(4, "big") + np.packbits(sets).tobytes()
+
+
+class _Beside:
+    """Runs beside a run, and differences over them.
+
+    Args:
+        runs: Who runs.
+        changes: The place, and the sizes of steps.
+        quantities: The numbers.
+    """
+
+    def __init__(self, runs: SolidRuns, changes: Changes, quantities: Quantities) -> None:
+        self._runs, self._changes, self._quantities = runs, changes, quantities
+        self.numbers, self._own = self._at(changes.values)
+        self._refused = ""
+
+    def _at(self, values: Floats) -> tuple[Floats, bytes]:
+        scene = self._changes.at(values)
+        found = self._runs.march(scene, self._quantities.times)
+        return self._quantities.read(found.outcome, scene), found.sets
+
+    def slopes(self) -> Slopes:
+        """Numbers and their derivatives.
+
+        Raises:
+            SceneError: There is no scene on either side of an unknown.
+        """
+        count = len(self._changes.values)
+        below, above = np.zeros((2, len(self.numbers), count))
+        for k in range(count):
+            below[:, k], above[:, k] = self._sides(k)
+        mean = 0.5 * (below + above)
+        if not apart([below, above]):
+            return Slopes(self.numbers, mean, [])
+        return Slopes(self.numbers, mean, [], 0.0, (below, above))
+
+    def _sides(self, k: int) -> tuple[Floats, Floats]:
+        """Derivatives below and above an unknown, twice the same where sets stay on both sides."""
+        for step in _STEPS:
+            low, high = self._beside(k, -step), self._beside(k, step)
+            if low is None or high is None:
+                break
+            if low[1] == high[1] == self._own:
+                slope = (high[0] - low[0]) / (2.0 * step * self._changes.scales[k])
+                return slope, slope
+        sides = [self._one_sided(k, sign) for sign in (-1.0, 1.0)]
+        known = [side for side in sides if side is not None]
+        if not known:
+            name = self._changes.names[k]
+            raise SceneError(
+                f"{name}: there is no scene beside its value, so no derivative: {self._refused}"
+            )
+        return known[0], known[-1]
+
+    def _one_sided(self, k: int, sign: float) -> Floats | None:
+        """Derivative on a side, along the sets that are there next to the place; None: no scene.
+
+        Over the longest step that has those of its half, of second order.
+        """
+        slope = None
+        for step in _STEPS:
+            h, far = sign * step * self._changes.scales[k], self._beside(k, sign * step)
+            near = self._beside(k, 0.5 * sign * step)
+            if far is None or near is None:
+                break
+            slope = np.asarray((4.0 * near[0] - far[0] - 3.0 * self.numbers) / h)
+            if far[1] == near[1]:
+                break
+        return slope
+
+    def _beside(self, k: int, share: float) -> tuple[Floats, bytes] | None:
+        """Numbers and sets of a neighbour; None where there is none."""
+        values = self._changes.values.copy()
+        values[k] += share * self._changes.scales[k]
+        try:
+            return self._at(values)
+        except SceneError as error:
+            self._refused = str(error)
+            return None
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """What a pair did in a march.
+
+    Attributes:
+        name: Of the pair.
+        force: Normal force in the layer before each level [N], (levels,).
+        impulse: Up to each level [N s], (levels,).
+        spells: Levels, first and last, between which it touches.
+        times: Of these spells, gaps continued to 0 beyond the levels [s], (spells, 2).
+    """
+
+    name: str
+    force: Floats
+    impulse: Floats
+    spells: list[tuple[int, int]]
+    times: Floats
+
+    @classmethod
+    def of(cls, name: str, history: Table, tolerance: float) -> "_Pair":
+        """Of a history.
+
+        Args:
+            name: Of the pair.
+            history: With its columns.
+            tolerance: Gap that is none [m].
+        """
+        levels = np.asarray(history["time"].values)
+        force, gap = (np.asarray(history[f"{c}.{name}"].values) for c in ("force", "gap"))
+        struck = history.get(f"impulse.{name}")
+        pushed = np.zeros(len(levels)) if struck is None else np.asarray(struck.values)
+        impulse = np.cumsum(pushed + np.concatenate([[0.0], force[1:] * np.diff(levels)]))
+        touches = np.concatenate([[False], gap <= tolerance, [False]]).astype(np.int8)
+        begins, ends = np.flatnonzero(np.diff(touches) > 0), np.flatnonzero(np.diff(touches) < 0)
+        spells = list(zip(begins.tolist(), (ends - 1).tolist(), strict=True))
+        times = [(_touch(levels, gap, b, -1), _touch(levels, gap, e, 1)) for b, e in spells]
+        return cls(name, force, impulse, spells, np.array(times).reshape(-1, 2))
+
+    @property
+    def begin(self) -> float:
+        """When it first touches [s]; NaN if it does not."""
+        return float(self.times[0, 0]) if len(self.times) else float("nan")
+
+    @property
+    def duration(self) -> float:
+        """How long it touches in all [s]."""
+        return float(np.diff(self.times, axis=1).sum())
+
+
+def _touch(levels: Floats, gap: Floats, level: int, way: int) -> float:
+    """When a gap that is shut at a level was so first or last [s].
+
+    The straight line through the two levels beyond, held within the layer.
+
+    Args:
+        levels: Times [s].
+        gap: Of the pair at these [m].
+        level: First or last one of a spell.
+        way: -1 for what was before it, 1 for what comes after it.
+    """
+    near, far = level + way, level + 2 * way
+    if not 0 <= near < len(levels) or np.isnan(gap[near]):
+        return float(levels[level])
+    if not 0 <= far < len(levels) or not gap[far] > gap[near]:
+        return float(levels[near])
+    beyond = (levels[far] - levels[near]) * gap[near] / (gap[far] - gap[near])
+    return float(np.clip(levels[near] - beyond, *sorted((levels[level], levels[near]))))
+
+
+def _rebound(name: str, scene: Scene, history: Table, pairs: list[_Pair]) -> float:
+    """Speed of a body's centre after its last contact, or at the end; NaN if there was none."""
+    own = [pair for pair in pairs if name in _partners(scene, pair.name)]
+    pressed: Integers = np.flatnonzero(sum((pair.force for pair in own), np.zeros(1)))
+    if not pressed.size:
+        return float("nan")
+    row = min(int(pressed[-1]) + 1, len(history["time"].values) - 1)
+    speeds = (history.get(f"{name}.v{axis}") for axis in "xyz")
+    return float(np.linalg.norm([each.values[row] for each in speeds if each is not None]))
+
+
+def _partners(scene: Scene, pair: str) -> tuple[str, ...]:
+    """Bodies of a pair by its name, BODY.OTHER or that of its contact law."""
+    for law in scene.contacts:
+        if law.name == pair:
+            return tuple(side.partition("/")[0] for side in law.between)
+    bodies = [body.name for body in scene.bodies]
+    return tuple(n for n in bodies if pair.startswith(f"{n}.") or pair.endswith(f".{n}"))
+
+
+def _driven(ready: "Ready") -> Floats:
+    """Work of tractions, pressures and supports up to each level [J], (levels,)."""
+    from impactfem.marching.collect import total  # noqa: PLC0415  (DOLFINx)
+
+    seen = ready.seen
+    each = total(seen.model.comm, seen.march.rows.sums)
+    return np.asarray(seen.whole.factor * np.cumsum(each[:, :, 2].sum(axis=1)))
