@@ -9,7 +9,6 @@ from impactfem.log import Progress
 from impactfem.planning import Plan, plan
 from impactfem.provenance import run_record
 from impactfem.runs import runner
-from impactfem.runs.feedback import controlled
 from impactfem.runs.run import Checkpointing
 from impactfem.runs.summary import summarise
 from impactfem.scene import Scene
@@ -61,6 +60,10 @@ def solve(
         planned = None
     chosen = planned or plan(scene)
     saved = Checkpointing(checkpoints, restart)
-    run = controlled(scene, runner(scene.solver)(scene, chosen, progress or Progress(), saved))
+    run = runner(scene.solver)(scene, chosen, progress or Progress(), saved)
+    if scene.controllers:
+        from impactfem.runs.feedback import controlled  # noqa: PLC0415  (loads SciPy and Numba)
+
+        run = controlled(scene, run)
     summary = {**summarise(scene, chosen, run), "run": run_record(said=scene.said)}
     return Result(run.used, run.history, summary, run.fields, run.exact, run.impacts)

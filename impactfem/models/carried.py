@@ -1,5 +1,6 @@
 """Masses that bodies carry: they set out as the body does at their place."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,15 +15,12 @@ if TYPE_CHECKING:
     from impactfem.system.stations import HasStations
 
 
-def set_out(model: "SolidsModel") -> None:
+def set_out(model: "SolidsModel", masses: Sequence[Attached]) -> None:
     """Give the points of masses the velocities of their bodies at t = 0 (collective).
 
     Raises:
         KeyedError: A surface is unknown, or a place is outside of its body.
     """
-    masses = [body for body in model.scene.bodies if isinstance(body, Attached)]
-    if not masses:
-        return
     every: list[HasStations] = [*model.tips, *model.few]
     points = next(few for few in model.few if masses[0].name in few.names)
     for mass in masses:

@@ -38,6 +38,7 @@ from impactfem.models.ties import Ties
 from impactfem.models.tips import held_regions, supported, tips_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.apartness import Apartness
+from impactfem.scene.masses import Attached
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.probes import Probe, outside
@@ -454,7 +455,8 @@ def solids_model(scene: Scene, degrees: Sequence[int], *, updated: bool = False)
 def _model(key: SceneKey, degrees: tuple[int, ...], updated: bool) -> SolidsModel:  # hashed
     scene = key.scene
     model = SolidsModel(MPI.COMM_WORLD, scene, _parts(key, degrees), updated, few_bodies(scene))
-    set_out(model)
+    if masses := [body for body in scene.bodies if isinstance(body, Attached)]:
+        set_out(model, masses)
     return model
 
 

@@ -269,7 +269,8 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
             more = f": {held.why}, joint.radius gives another" if held.why else ""
             where = "" if radius == WHOLE else f" at ({at})"
             reasons[f"joint on {side}{where}"] = f"{text}{more}; they do not touch"
-    for tie, words in model.parts[0].ties.words.items() if model.parts else ():
+    tied = model.parts[0].ties.words if model.parts and model.scene.ties else {}
+    for tie, words in tied.items():
         reasons[f"tie {tie}"] = words
     if not model.few:
         return joint_findings(model)

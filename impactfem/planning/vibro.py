@@ -24,6 +24,7 @@ _MEANS = ("moreau_jean", "paoli_schatzman")  # methods whose steps take means of
 _MOST_STEPS = 200_000_000
 _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
 _BEAM_PERIOD = 200.0  # steps of the first bending period
+_SHORT = 1.0  # s of flights of events: below it impacts may decide the time
 _FEW = 500  # degrees of freedom of which frequencies are known at once
 _BYTES = 8.0 * 24.0
 
@@ -79,8 +80,9 @@ def plan_vibro(scene: Scene) -> Plan[VibroNumbers]:
     if solve.method is not None:
         reasons["method"] = "as given"
     _check_settings(scene, method)
+    fastest = 0.0
     if METHODS[method].locates and model.system.dofs <= _FEW:
-        _check_periods(scene, model, method)
+        fastest = _check_periods(scene, model, method)
     dt = solve.dt or _choose_step(scene, model, method, reasons)
     data = [] if METHODS[method].locates else time_data(scene, means=method in _MEANS)
     if solve.dt is None:
@@ -106,7 +108,7 @@ def plan_vibro(scene: Scene) -> Plan[VibroNumbers]:
             estimate=estimate,
         ),
         memory_mib=memory,
-        seconds=_seconds(model, method, steps, estimate=estimate),
+        seconds=_seconds(model, method, steps, scene.duration * fastest, estimate=estimate),
         reasons=reasons,
         findings=(*_findings(scene, model, method), *data_findings(data, dt, steps)),
     )
@@ -144,13 +146,24 @@ def _choose_step(scene: Scene, model: "VibroModel", method: str, reasons: dict[s
     return min(even, 1.0 / (_PER_RADIAN * fastest)) if fastest > 0.0 else even
 
 
-def _check_periods(scene: Scene, model: "VibroModel", method: str) -> None:
-    """Refuse to look for events in more vibrations, or falls of bodies, than can be followed."""
-    from impactfem.system.frequency import highest_frequency  # noqa: PLC0415  (SciPy)
+def _check_periods(scene: Scene, model: "VibroModel", method: str) -> float:
+    """Refuse to look for events in more vibrations, or falls of bodies, than can be followed.
+
+    Returns:
+        The fastest rate of the free motion [rad/s, 1/s].
+    """
+    from impactfem.system.frequency import (  # noqa: PLC0415  (SciPy)
+        fastest_decay,
+        highest_frequency,
+    )
 
     fastest = highest_frequency(model.system, model.position, model.velocity)
     periods, of = scene.duration * fastest / (2.0 * math.pi), "periods of the fastest vibration"
-    remedy = "give a shorter duration (check the units)"
+    remedy = "give a shorter duration (check the units), or "
+    decay, further = fastest_decay(model.system, model.position, model.velocity), "fewer elements"
+    if decay > fastest:
+        fastest, further = decay, "less damping"
+        periods, of = scene.duration * decay, "decay times of the strongest damper"
     pull = float(np.linalg.norm(scene.vector_gravity.values, axis=-1).max(initial=0.0))
     flights = (body.flight for body in scene.bodies)
     sizes = [float(np.linalg.norm(flight.half)) for flight in flights if flight is not None]
@@ -158,13 +171,13 @@ def _check_periods(scene: Scene, model: "VibroModel", method: str) -> None:
     falls = scene.duration * math.sqrt(pull / size)
     if falls > max(periods, _MOST_STEPS):
         periods, of = falls, "times in which a body falls by its size"
-    else:
-        remedy += ", or fewer elements"
+        further = "larger bodies"
     if periods > _MOST_STEPS:
         raise SceneError(
             f"duration = {scene.duration:g} s is {periods:.3g} {of}, in each of which method = "
-            f'"{method}" looks for events: more than {_MOST_STEPS:g}; {remedy}'
+            f'"{method}" looks for events: more than {_MOST_STEPS:g}; {remedy}{further}'
         )
+    return fastest
 
 
 def _signals(model: "VibroModel") -> list[Any]:
@@ -211,14 +224,30 @@ def _memory(scene: Scene, steps: int) -> float:
     return memory
 
 
-def _seconds(model: "VibroModel", method: str, steps: int, *, estimate: bool) -> float | None:
-    """Time of the run; micro-seconds a step as measured in benchmarks/vibro_speed.py."""
-    if METHODS[method].locates:
-        return None
+def _seconds(
+    model: "VibroModel", method: str, steps: int, radians: float, *, estimate: bool
+) -> float | None:
+    """Time of the run; micro-seconds a step as measured in benchmarks/vibro_speed.py.
+
+    Args:
+        model: What moves.
+        method: Its method.
+        steps: Steps, or rows of output.
+        radians: Duration times the fastest rate: an exact flight has a substep for each.
+        estimate: Whether the error is estimated, by a second run.
+
+    Returns:
+        The time [s]; None where impacts decide it.
+    """
     d = model.system.dofs
+    linear = hasattr(model.system, "stiffness")
+    if METHODS[method].locates:
+        substep = 2e-7 * d * d + 5e-7 if model.is_exact else 1e-4
+        seconds = radians * substep * (1 + estimate)
+        return seconds if seconds > _SHORT else None
     if estimate and model.beam is not None:
         steps *= 3  # a run with half the step
-    return steps * (1e-7 * d * d + 1e-6 if hasattr(model.system, "stiffness") else 2e-4)
+    return steps * (1e-7 * d * d + 1e-6 if linear else 2e-4)
 
 
 def _findings(scene: Scene, model: "VibroModel", method: str) -> list[Finding]:

@@ -49,7 +49,8 @@ def _fail(solid: "Solid", name: str, text: str) -> KeyedError:
 def _check_source(solid: "Solid") -> None:
     """Refuse a body that cannot be drawn, or that is given twice."""
     shape, mesh = solid.shape, solid.mesh
-    check_part(solid)
+    if solid.part is not None:
+        check_part(solid)
     if solid.position is not None and (mesh is None or len(solid.position) != solid.dim):
         why = "is for mesh, and a shape has its own place; remove it"
         if mesh is not None:

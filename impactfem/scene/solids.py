@@ -278,7 +278,8 @@ class Solid(BodyKind):
             object.__setattr__(self, name, value)
         self._fill()
         self._check_residual()
-        check_viscoelastic(self)
+        if self.viscoelastic or self.quality_factor is not None:
+            check_viscoelastic(self)
         check_solid(self)
 
     def _check_residual(self) -> None:

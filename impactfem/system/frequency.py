@@ -1,5 +1,7 @@
 """How fast systems of few degrees of freedom vibrate."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.linalg import eigvals
 
@@ -14,14 +16,32 @@ def highest_frequency(system: GeneralizedSystem, u: Floats, v: Floats) -> float:
         stiffness = system.stiffness
     else:
         steps = 6e-6 * np.maximum(1.0, np.abs(u))
-        stiffness = -np.stack(
-            [
-                (system.force(0.0, u + row, v) - system.force(0.0, u - row, v)) / (2.0 * row.sum())
-                for row in np.diag(steps)
-            ],
-            axis=1,
-        )
-        stiffness = stiffness @ system.moving(u)
+        stiffness = _slopes(lambda step: system.force(0.0, u + step, v), steps) @ system.moving(u)
+    return float(np.sqrt(_largest(system, u, stiffness)))
+
+
+def fastest_decay(system: GeneralizedSystem, u: Floats, v: Floats) -> float:
+    """The largest rate c/m of M^-1 C [1/s], C = -df/dv by differences likewise.
+
+    A motion that decays at that rate allows no step of an exact flight or of an adaptive
+    integrator that is much longer than its inverse, long after it has died out.
+    """
+    if isinstance(system, LinearSystem):
+        damping = system.damping
+    else:
+        steps = 6e-6 * np.maximum(1.0, np.abs(v))
+        damping = _slopes(lambda step: system.force(0.0, u, v + step), steps)
+    return _largest(system, u, damping)
+
+
+def _slopes(force: Callable[[Floats], Floats], steps: Floats) -> Floats:
+    """-df/dx by central differences, columns by ``steps``."""
+    columns = [(force(-row) - force(row)) / (2.0 * row.sum()) for row in np.diag(steps)]
+    return np.stack(columns, axis=1)
+
+
+def _largest(system: GeneralizedSystem, u: Floats, matrix: Floats) -> float:
+    """The largest real part of an eigenvalue of M^-1 A, 0 if none is positive."""
     room = Room.at(system, u)
-    squares = eigvals(room.load(room.rows(stiffness)), room.mass)
-    return float(np.sqrt(float(np.real(squares).max(initial=0.0))))
+    found = eigvals(room.load(room.rows(matrix)), room.mass)
+    return float(np.real(found).max(initial=0.0))

@@ -251,3 +251,22 @@ def test_a_history_of_a_march_that_cannot_fit_is_refused(monkeypatch):
     impactfem.plan(sliding(1, 40_000))
     with pytest.raises(impactfem.SceneError, match=r"4e\+04 steps in the history need"):
         impactfem.plan(sliding(4, 40_000))
+
+
+@pytest.mark.parametrize("formula", [False, True])
+def test_a_damper_that_no_flight_can_follow_is_refused_and_a_long_one_foreseen(formula):
+    """c / m = 1e9 1/s over 5 s: exact flights need 5e9 substeps long after it has died out."""
+
+    def damped(rate):
+        spring = {"anchor": [0.0], "stiffness": 40.0, "damping": 2.0 * rate}
+        body = {"kind": "point", "name": "mass", "mass": 2.0, "position": [0.0], "velocity": [0.1]}
+        force = [f"-{2.0 * rate!r}*vx - x**3"]
+        body |= {"force": force} if formula else {"springs": [spring]}
+        stop = {"kind": "half_space", "name": "stop", "point": [-0.05], "normal": [1.0]}
+        given = {"title": "damper", "duration": 5.0, "body": [body], "obstacle": [stop]}
+        return impactfem.plan(impactfem.Scene.from_dict(given))
+
+    with pytest.raises(impactfem.SceneError, match=r"5e\+09 decay times .* less damping"):
+        damped(1e9)
+    assert damped(1e2).seconds is None
+    assert damped(1e7).seconds > 5.0
