@@ -8,6 +8,7 @@ import numpy as np
 
 from impactfem.scene.formula import Formula
 from impactfem.scene.grammar import NUMPY_FUNCTIONS
+from impactfem.scene.pieces import Table
 from impactfem.scene.signal import Signal
 
 _HALF_TURN = 0.5 * np.pi
@@ -120,7 +121,11 @@ def _functions() -> Mapping[str, Callable[..., Any]]:
     def held(_: Any) -> Any:  # what others set has no signal of time
         raise _NotAffineError
 
-    names = {name: make(function) for name, function in NUMPY_FUNCTIONS.items()} | {"held": held}
+    def table(own: Table, entry: Any) -> Any:
+        return _combined(own, entry) if isinstance(entry, _Affine) else own(entry)
+
+    names = {name: make(function) for name, function in NUMPY_FUNCTIONS.items()}
+    names |= {"held": held, "table": table}
     return names | {"sin": wave(0.0, np.sin), "cos": wave(_HALF_TURN, np.cos)}
 
 

@@ -57,7 +57,8 @@ def find_breaks(formula: Formula, end: float) -> tuple[Break, ...]:
     Intervals that may hold one are halved until they are as short as rounding allows. They begin
     as those between the numbers with which time is compared, which most breaks are.
     """
-    told = np.array([time for time in formula.compared("t") if 0.0 <= time <= end])
+    told = formula.compared("t")
+    told = told[(told >= 0.0) & (told <= end)]
     beside = np.concatenate([np.nextafter(told, 0.0), np.nextafter(told, end)])
     edges = np.unique(np.concatenate([[0.0], beside, [end]]))
     low, high = edges[:-1], edges[1:]

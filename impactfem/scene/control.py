@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from impactfem.scene.grammar import Node
 from impactfem.scene.inline import NumberOrList, Vector
 from impactfem.scene.inverse import check_formula_name
 from impactfem.scene.kinds import Choice, Integer, Line, Name, Real
+from impactfem.scene.pieces import Table
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.tables import assign, is_missing, looked_up
 from impactfem.scene.values import NotAllowedError, is_number, number, show
@@ -111,32 +112,24 @@ class Control:
         return np.linspace(self.begin, duration if self.end is None else self.end, self.pieces + 1)
 
     def tree(self, duration: float) -> Node:
-        """The control as a node of formulas in t or x: comparisons that halve the pieces."""
-        times, time = self.times(duration).tolist(), ("variable", self.along)
-
-        def before(at: float, one: Node, other: Node, how: str = "lt") -> Node:
-            return ("call", "where", (("call", how, (time, at)), one, other))
-
-        def halved(first: int, last: int) -> Node:
-            if last - first == 1:
-                return self._piece(first, times)
-            middle = (first + last) // 2
-            return before(times[middle], halved(first, middle), halved(middle, last))
-
-        found = halved(0, self.pieces)
+        """The control as a node of formulas in t or x."""
+        times, values = self.times(duration), np.array(self.values)
+        slopes = np.diff(values) / np.diff(times) if self.is_linear else np.zeros(self.pieces)
+        starts, places = values[: self.pieces], times.copy()
         if self.along == "x":  # the end of a bar is part of its last piece
-            found = before(times[-1], found, 0.0, "le")
-        elif times[-1] < duration:  # what holds until the end does not jump there
-            found = before(times[-1], found, 0.0)
-        return before(times[0], 0.0, found) if times[0] > 0.0 else found
-
-    def _piece(self, index: int, times: Sequence[float]) -> Node:
-        value = self.values[index]
-        if not self.is_linear:
-            return value
-        rise = (self.values[index + 1] - value) / (times[index + 1] - times[index])
-        since = ("chain", ("variable", self.along), (("Sub", times[index]),))
-        return ("chain", value, (("Add", ("chain", rise, (("Mult", since),))),))
+            places[-1] = np.nextafter(times[-1], np.inf)
+        begun, ended = np.zeros(1), np.zeros(1)
+        if times[0] == 0.0:
+            places, begun = places[1:], begun[1:]
+        if self.along == "t" and times[-1] >= duration:  # what holds to the end jumps not there
+            places, ended = places[:-1], ended[1:]
+        if not len(places) and not self.is_linear:
+            return self.values[0]
+        table = Table.of(
+            places, np.concatenate([begun, starts, ended]),
+            np.concatenate([begun, slopes, ended]), np.concatenate([begun, times[:-1], ended]),
+        )  # fmt: skip
+        return ("table", table, ("variable", self.along))
 
     def at(self, t: ArrayLike, duration: float) -> Floats:
         """Its values at some times [s], of the piece that begins there."""
@@ -214,12 +207,14 @@ def put_into(
     head, _, last = path.rpartition(".")
     path = f"{head}.{AXES.index(last)}" if last in AXES and last else path
     present = _present(data, path, keys)
+    if isinstance(present, Mapping):  # a measured signal
+        data, path, present = cast("Any", present), "formula", present.get("formula", "signal")
     if not re.search(rf"\b{name}\b", str(present)):
         assign(data, path, name if present in (0, "0") else f"({present}) + {name}")
 
 
 def _present(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]]) -> object:
-    """The number or formula at a path; 0 where a body does not give a key that it has.
+    """The number, formula or signal at a path; 0 where a body does not give a key that it has.
 
     Raises:
         NotAllowedError: There is none.
@@ -232,7 +227,8 @@ def _present(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]
     if head.startswith("joint.") and last == "motor" and is_missing(data, path):
         return 0
     found = looked_up(data, path)
-    if not is_number(found) and not isinstance(found, str):
+    told = isinstance(found, str) or (isinstance(found, Mapping) and "table" in found)
+    if not is_number(found) and not told:
         raise NotAllowedError(f"it is {show(found)}; give the path of a formula in t")
     return found
 

@@ -1,6 +1,10 @@
 """Checks across the tables of a scene: body against obstacles, gravity, settings and output."""
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import is_dataclass
+from functools import cache
+from typing import Any, cast
 
 from impactfem.methods import METHODS
 from impactfem.scene.bar_checks import check_drive
@@ -10,15 +14,16 @@ from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
 from impactfem.scene.content import BODIES, Content
 from impactfem.scene.finite_checks import check_finite, check_relaxing
+from impactfem.scene.formula import Formula
 from impactfem.scene.inverse import check_asked
 from impactfem.scene.joint_checks import check_couplings, check_joints, check_ties
-from impactfem.scene.loads import PiecewiseConstant
+from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.mixed import check_dimensions, check_mixed
 from impactfem.scene.obstacle_checks import check_gravity, check_obstacles
 from impactfem.scene.pair_checks import check_adhesion, check_itself, check_pairs, check_springs
 from impactfem.scene.pairing import self_meeting
 from impactfem.scene.probe_checks import check_probes
-from impactfem.scene.schema import KeyedError
+from impactfem.scene.schema import KeyedError, keys_of
 from impactfem.scene.values import show
 from impactfem.scene.vibro_checks import FAMILY, check_vibro
 
@@ -64,6 +69,7 @@ def check_scene(scene: Content, gravity: object) -> None:
     Raises:
         KeyedError: naming the key.
     """
+    _check_signals(scene)
     _check_names(scene)
     check_joints(scene)
     check_couplings(scene)
@@ -91,6 +97,67 @@ def check_scene(scene: Content, gravity: object) -> None:
     if scene.solve.dt is not None and scene.solve.dt > scene.duration:
         text = f" = {scene.solve.dt} exceeds duration = {scene.duration}: give a smaller step."
         raise KeyedError("solve", "dt", text)
+
+
+def _check_signals(scene: Content) -> None:
+    """Refuse measured signals of another unit, or that do not last as long as the run."""
+    for index, part in enumerate(scene.gravity.given or ()):
+        place = f"gravity[{index}]" if isinstance(scene.gravity, PiecewiseVector) else "gravity"
+        if isinstance(part, Formula):
+            _check_record(scene.duration, part, ("", place, "m/s^2"))
+    for where, table in (("body", scene.bodies), ("obstacle", scene.obstacles),
+                         ("joint", scene.joints), ("controller", scene.controllers)):  # fmt: skip
+        for index, entry in enumerate(table):
+            _check_records(scene.duration, entry, f"{where}[{index}]")
+
+
+def _check_records(duration: float, table: Any, where: str) -> None:
+    """The same for what stands in one table."""
+    end = min(duration, getattr(table, "until", None) or duration)
+    for name, (place, unit) in _places(cast("Any", type(table))).items():
+        value = getattr(table, name)
+        if isinstance(value, tuple | list):
+            plain = not value or isinstance(value[0], float | int | str)
+            each = [] if plain else [(f"{place}[{k}]", entry) for k, entry in enumerate(value)]
+        elif isinstance(value, Mapping):
+            each = [(f"{place}.{own}", entry) for own, entry in value.items()]
+        else:
+            each = [(place, value)]
+        for own, entry in each:
+            if isinstance(entry, Formula):
+                _check_record(end, entry, (where, own, unit))
+            elif is_dataclass(entry):
+                _check_records(duration, entry, f"{where}.{own}")
+
+
+@cache
+def _places(cls: Any) -> Mapping[str, tuple[str, str]]:
+    """Names of the keys of a table in scenes, and their units, by field."""
+    return {name: (key.name, key.unit) for name, key in keys_of(cls).items()}
+
+
+def _check_record(end: float, formula: Formula, at: tuple[str, str, str]) -> None:
+    """The same for one signal, which stands somewhere, in a unit."""
+    if formula.record is None:
+        return
+    where, name, wanted = at
+    (first, last), unit = formula.record
+    shown, room = f" = {show(formula.plain)}", 1e-9 * end
+    if last < end - room:
+        text = f"{shown} ends at t = {last:g} s, before the run, which lasts {end:g} s: give a "
+        raise KeyedError(where, name, f"{text}longer record, or duration = {last:g}.")
+    if first > room:
+        text = f"{shown} begins at t = {first:g} s, after the run: give a record from t = 0 on."
+        raise KeyedError(where, name, text)
+    if unit and wanted and _unit(unit) not in {_unit(each) for each in wanted.split(" or ")}:
+        text = f"{shown} is in {show(unit)}, and this in {wanted}: convert it, as by "
+        raise KeyedError(where, name, f'{text}formula = "1e-3*signal".')
+
+
+def _unit(text: str) -> str:
+    """A unit, however its powers and products are written."""
+    plain = text.replace("**", "^").replace("\u00b2", "^2").replace("\u00b3", "^3")
+    return re.sub(r"(?<=[A-Za-z])(?=-?\d)", "^", re.sub(r"[\s.*\u00b7]", "", plain))
 
 
 def _check_residual(scene: Content) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats
 from impactfem.scene.grammar import (
     COMPARISONS,
     OPERATORS,
@@ -17,6 +18,7 @@ from impactfem.scene.grammar import (
     Parser,
     variables_of,
 )
+from impactfem.scene.pieces import Table
 from impactfem.scene.scalar_formula import arrays, scalar
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
@@ -83,13 +85,27 @@ class Formula:
         """Whether the value depends on no variable."""
         return isinstance(self._tree, float)
 
+    @property
+    def table(self) -> Table | None:
+        """The table of t that it is, if it is one and nothing else."""
+        match self._tree:
+            case ("table", Table() as table, ("variable", "t")):
+                return table
+        return None
+
     @cached_property
     def used(self) -> frozenset[str]:
         """Variables that occur in it."""
         return variables_of(self._tree)
 
-    def compared(self, variable: str) -> list[float]:
-        """Numbers with which it compares a variable, as in ``where(t < 2, a, b)``, in order."""
+    def compared(self, variable: str) -> Floats:
+        """Numbers at which it changes its branch, as in ``where(t < 2, a, b)``, in order, (n,)."""
+        known: dict[str, Floats] = self.__dict__.setdefault("_compared", {})
+        if variable not in known:
+            known[variable] = self._branches(variable)
+        return known[variable]
+
+    def _branches(self, variable: str) -> Floats:
         known = ("variable", variable)
         found: set[float] = set()
 
@@ -97,6 +113,10 @@ class Formula:
             match node:
                 case ("negative", operand):
                     walk(operand)
+                case ("table", table, operand):
+                    walk(operand)
+                    if operand == known:
+                        found.update(table.places.tolist())
                 case ("chain", first, steps):
                     walk(first)
                     for _, operand in steps:
@@ -108,16 +128,21 @@ class Formula:
                         walk(each)
 
         walk(self._tree)
-        return sorted(found)
+        return np.array(sorted(found))
 
     @property
-    def plain(self) -> float | str:
+    def plain(self) -> Any:
         """What a scene file holds: a number when the text is just a number, otherwise the text."""
         try:
             value = float(self.text)
         except ValueError:
             return self.text
         return value if repr(value) == self.text else self.text
+
+    @property
+    def record(self) -> tuple[tuple[float, float], str] | None:
+        """Of a measured signal: first and last time [s], and unit; None if it is none."""
+        return None
 
     def plus(self, offset: float) -> "Formula":
         """Return this formula plus a finite number."""
@@ -194,7 +219,7 @@ class Formula:
 
     def __getstate__(self) -> dict[str, Any]:
         """The state without functions, which cannot be sent to other processes."""
-        functions = ("number", "of_arrays")
+        functions = ("number", "of_arrays", "_compared")
         return {name: value for name, value in self.__dict__.items() if name not in functions}
 
     def apply(  # noqa: C901  (a case for each form of a node)
@@ -206,14 +231,15 @@ class Formula:
             functions: by name, the functions that the formula uses: those listed for the class,
                 and ``lt, le, gt, ge`` for comparisons. ``min`` and ``max`` get two arguments.
                 Arithmetic uses Python's operators. Constant parts come as floats, and so does what
-                is held, unless there is a function ``held`` for it.
+                is held, unless there is a function ``held`` for it. Tables become comparisons,
+                unless there is a function ``table`` of a `Table` and its operand.
             values: the value of each variable.
 
         Raises:
             SceneError: a function or the value of a variable is missing.
         """
 
-        def walk(node: Node) -> Any:
+        def walk(node: Node) -> Any:  # noqa: C901, PLR0911  (as above)
             match node:
                 case float():
                     return node
@@ -223,6 +249,10 @@ class Formula:
                     return values[name]
                 case ("held", held):
                     return functions.get("held", Held.now)(held)
+                case ("table", table, operand):
+                    if "table" in functions:
+                        return functions["table"](table, walk(operand))
+                    return walk(table.compared(operand))
                 case ("negative", operand):
                     return -walk(operand)
                 case ("chain", first, steps):
@@ -246,6 +276,8 @@ def _marked(node: Node, part: Node, mark: Node) -> Node:
     match node:
         case ("negative", operand):
             return ("negative", _marked(operand, part, mark))
+        case ("table", table, operand):
+            return ("table", table, _marked(operand, part, mark))
         case ("chain", first, steps):
             marked = tuple((op, _marked(each, part, mark)) for op, each in steps)
             return ("chain", _marked(first, part, mark), marked)
@@ -261,6 +293,8 @@ def _replaced(node: Node, parts: Mapping[str, Node]) -> Node:
             return parts.get(name, node)
         case ("negative", operand):
             return ("negative", _replaced(operand, parts))
+        case ("table", table, operand):
+            return ("table", table, _replaced(operand, parts))
         case ("chain", first, steps):
             replaced = tuple((op, _replaced(each, parts)) for op, each in steps)
             return ("chain", _replaced(first, parts), replaced)

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
@@ -75,9 +76,9 @@ _REFUSALS: Mapping[type, str] = {
 }
 
 # A node is a number or a tuple whose first entry tells its form:
-# "variable" and its name; "held" and a number that others set; "call", the name of a function and
-# its arguments; "negative" and an operand; "chain", the first operand and pairs of operator and
-# operand, taken from left to right.
+# "variable" and its name; "held" and a number that others set; "table", a `Table` and an operand;
+# "call", the name of a function and its arguments; "negative" and an operand; "chain", the first
+# operand and pairs of operator and operand, taken from left to right.
 type Node = float | tuple[Any, ...]
 
 
@@ -92,6 +93,9 @@ class Held:
 
 
 _NAMED: ContextVar[Mapping[str, Node]] = ContextVar("what formulas know by name")
+
+
+FOLDER: ContextVar[Path | None] = ContextVar("where relative paths in formulas start", default=None)
 
 
 @contextmanager
@@ -111,7 +115,7 @@ def variables_of(node: Node) -> frozenset[str]:
             return frozenset((name,))
         case ("held", _):
             return frozenset("t")
-        case ("negative", operand):
+        case ("negative", operand) | ("table", _, operand):
             return variables_of(operand)
         case ("chain", first, steps):
             return variables_of(first).union(*(variables_of(operand) for _, operand in steps))

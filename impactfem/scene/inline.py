@@ -135,7 +135,7 @@ class Formulas(Kind):
         return formula
 
     @override
-    def write(self, value: tuple[Formula | None, ...]) -> list[float | str]:
+    def write(self, value: tuple[Formula | None, ...]) -> list[Any]:
         return ["" if entry is None else entry.plain for entry in value]
 
 

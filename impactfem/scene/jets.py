@@ -160,6 +160,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "min": lambda a, b: _choose(_jet(b).value < _jet(a).value, b, a),
     "max": lambda a, b: _choose(_jet(b).value > _jet(a).value, b, a),
     "where": _choose,
+    "table": lambda table, x: _smooth(lambda at: (table(at), table.slope(at), 0.0 * at))(x),
     "lt": lambda a, b: _jet(a).value < _jet(b).value,
     "le": lambda a, b: _jet(a).value <= _jet(b).value,
     "gt": lambda a, b: _jet(a).value > _jet(b).value,

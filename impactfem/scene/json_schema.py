@@ -6,7 +6,7 @@ and `oneOf` on the key `kind`, since Taplo (Even Better TOML) follows these and 
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import singledispatch
 from typing import Any
 
@@ -204,13 +204,32 @@ def _(kind: Choices, _found: dict[str, Schema]) -> Schema:
 
 
 @_schema.register
-def _(_kind: FormulaOf, _found: dict[str, Schema]) -> Schema:
-    return {"anyOf": [_NUMBER, _formula()]}
+def _(kind: FormulaOf, found: dict[str, Schema]) -> Schema:
+    return {"anyOf": [_NUMBER, _formula(), *_signal(kind.variables, found)]}
 
 
 @_schema.register
 def _(kind: RealOrFormula, found: dict[str, Schema]) -> Schema:
     return {"anyOf": [_schema(Real(above=kind.above, below=kind.below), found), _formula()]}
+
+
+def _signal(variables: Sequence[str], found: dict[str, Schema]) -> list[Schema]:
+    """A measured signal, where a formula of time may stand."""
+    if "t" not in variables:
+        return []
+    keys = {
+        name: {"type": "string", "description": text}
+        for name, text in (
+            ("table", "File with a line of headings, one of them time or t. Required."),
+            ("column", "Which one. Default: the only one besides the time."),
+            ("formula", "Of signal, its value, and of what the key knows. Default: signal."),
+        )
+    }
+    found["Signal"] = {
+        "type": "object", "description": "Column of a file over time, or a formula of it.",
+        "properties": keys, "required": ["table"], "additionalProperties": False,
+    }  # fmt: skip
+    return [{"$ref": "#/definitions/Signal"}]
 
 
 def _formula() -> Schema:
@@ -251,9 +270,9 @@ def _(kind: FormulaOrFormulas, found: dict[str, Schema]) -> Schema:
 
 
 @_schema.register
-def _(kind: Formulas, _found: dict[str, Schema]) -> Schema:
+def _(kind: Formulas, found: dict[str, Schema]) -> Schema:
     blank = [{"type": "string", "pattern": r"^\s*$"}] if kind.blank else []
-    entry = {"anyOf": [_NUMBER, _formula(), *blank]}
+    entry = {"anyOf": [_NUMBER, _formula(), *blank, *_signal(kind.variables, found)]}
     return _list(entry, min(kind.lengths), max(kind.lengths))
 
 
@@ -280,10 +299,13 @@ def _(kind: ListOf, found: dict[str, Schema]) -> Schema:
 
 
 @_schema.register
-def _(_kind: LoadKind, _found: dict[str, Schema]) -> Schema:
+def _(_kind: LoadKind, found: dict[str, Schema]) -> Schema:
     vector = _list(_NUMBER, 1, 3)
     pair = _list([_NUMBER, {"anyOf": [_NUMBER, vector]}], 2, 2)  # type: ignore[arg-type]
-    return {"anyOf": [_NUMBER, vector, {"type": "array", "items": pair, "minItems": 1}]}
+    (signal,) = _signal(("t",), found)
+    signals = _list({"anyOf": [_NUMBER, signal]}, 1, 3)
+    pairs = {"type": "array", "items": pair, "minItems": 1}
+    return {"anyOf": [_NUMBER, vector, pairs, signal, signals]}
 
 
 @_schema.register

@@ -4,7 +4,7 @@ import os
 import re
 import unicodedata
 from abc import ABC, abstractmethod
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, ClassVar, override
@@ -308,10 +308,14 @@ class FormulaOf(Kind):
             if value.variables == self.variables:
                 return value
             with naming(dict(value.named)):  # it keeps what it uses by name
-                return self._read(value.text)
+                return self._read(value.text if value.record is None else value.plain)
         return self._read(value)
 
     def _read(self, value: object) -> Formula:
+        if isinstance(value, Mapping):
+            from impactfem.scene.measured import measured  # noqa: PLC0415  (rare)
+
+            return measured(value, self.variables)
         text = value if isinstance(value, str) else repr(number(value))
         try:
             return Formula(text, self.variables)
@@ -319,7 +323,7 @@ class FormulaOf(Kind):
             raise NotAllowedError(error.why) from None
 
     @override
-    def write(self, value: Formula) -> float | str:
+    def write(self, value: Formula) -> Any:
         return value.plain
 
 
@@ -338,12 +342,12 @@ class RealOrFormula(FormulaOf):
 
     @override
     def read(self, value: object) -> float | Formula:  # type: ignore[override]  # wider
-        if isinstance(value, str | Formula):
+        if isinstance(value, str | Formula | Mapping):
             return super().read(value)
         return Real(above=self.above, below=self.below).read(value)
 
     @override
-    def write(self, value: float | Formula) -> float | str:
+    def write(self, value: float | Formula) -> Any:
         return value.plain if isinstance(value, Formula) else value
 
 

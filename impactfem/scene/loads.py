@@ -1,6 +1,8 @@
 """Loads in time: gravity as a piecewise constant number or vector."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, ClassVar, override
 
@@ -8,7 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from impactfem.errors import SceneError
-from impactfem.scene.kinds import Kind
+from impactfem.scene.formula import Formula
+from impactfem.scene.kinds import FormulaOf, Kind
+from impactfem.scene.means import mean_of
+from impactfem.scene.pieces import Table
 from impactfem.scene.values import NotAllowedError, number, show
 
 
@@ -19,6 +24,7 @@ class PiecewiseConstant:
     Attributes:
         times: [s], strictly increasing from 0. Before 0 the first value holds.
         values: one for each time.
+        given: Measured signals that they are the means of, as a scene has them; None if none are.
 
     Raises:
         SceneError: times or values are not as described.
@@ -26,6 +32,7 @@ class PiecewiseConstant:
 
     times: tuple[float, ...] = (0.0,)
     values: tuple[float, ...] = (0.0,)
+    given: tuple[Any, ...] | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         try:
@@ -60,12 +67,19 @@ class PiecewiseConstant:
     def integral(self, t0: ArrayLike, t1: ArrayLike) -> Any:  # float or array
         """Return the integrals from t0 to t1, which broadcast; negative where t1 < t0."""
         start, end = np.broadcast_arrays(np.asarray(t0, dtype=float), np.asarray(t1, dtype=float))
-        total = np.zeros(start.shape)
-        edges = (-np.inf, *self.times[1:], np.inf)
-        # Piece by piece, not as a difference of antiderivatives: short late intervals keep digits.
-        for value, (left, right) in zip(self.values, pairwise(edges), strict=True):
-            total = total + value * (np.clip(end, left, right) - np.clip(start, left, right))
-        return total[()]
+        if len(self.values) == 1:
+            return self.values[0] * (end - start)[()]
+        mean = self._table.mean(np.minimum(start, end), np.maximum(start, end))
+        return ((end - start) * mean)[()]
+
+    @cached_property
+    def _table(self) -> Table:
+        values, none = np.array(self.values), np.zeros(len(self.values))
+        return Table.of(np.array(self.times[1:]), values, none, none)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The state without what is made of it."""
+        return {name: value for name, value in self.__dict__.items() if name != "_table"}
 
 
 @dataclass(frozen=True)
@@ -75,6 +89,7 @@ class PiecewiseVector:
     Attributes:
         times: [s], strictly increasing from 0. Before 0 the first value holds.
         values: one vector of 1 to 3 numbers for each time, all of one length.
+        given: Measured signals that they are the means of, as a scene has them; None if none are.
 
     Raises:
         SceneError: times or values are not as described.
@@ -82,6 +97,7 @@ class PiecewiseVector:
 
     times: tuple[float, ...] = (0.0,)
     values: tuple[tuple[float, ...], ...] = ((0.0, 0.0),)
+    given: tuple[Any, ...] | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         try:
@@ -181,6 +197,10 @@ class LoadKind(Kind):
             return value
         if isinstance(value, np.ndarray):
             value = value.tolist()
+        if isinstance(value, Mapping) or (isinstance(value, list | tuple) and any(
+            isinstance(entry, Mapping | Formula) for entry in value
+        )):  # fmt: skip
+            return _followed(value)
         if not isinstance(value, list | tuple):
             return PiecewiseConstant((0.0,), (number(value),))
         if value and not any(isinstance(entry, list | tuple) for entry in value):
@@ -199,7 +219,10 @@ class LoadKind(Kind):
         return PiecewiseVector(times, vectors)
 
     @override
-    def write(self, value: PiecewiseConstant | PiecewiseVector) -> float | list[Any]:
+    def write(self, value: PiecewiseConstant | PiecewiseVector) -> Any:
+        if value.given is not None:
+            told = [each.plain if isinstance(each, Formula) else each for each in value.given]
+            return told if isinstance(value, PiecewiseVector) else told[0]
         if isinstance(value, PiecewiseVector):
             if len(value.values) == 1:
                 return list(value.values[0])
@@ -207,3 +230,25 @@ class LoadKind(Kind):
         if len(value.values) == 1:
             return value.values[0]
         return [[t, v] for t, v in zip(value.times, value.values, strict=True)]
+
+
+def _followed(value: Any) -> PiecewiseConstant | PiecewiseVector:
+    """Measured signals, as their means between samples: impulses from one to another are exact."""
+    several = isinstance(value, list | tuple)
+    parts = [
+        FormulaOf(("t",)).read(entry) if isinstance(entry, Mapping | Formula) else number(entry)
+        for entry in (value if several else [value])
+    ]
+    told = [part for part in parts if isinstance(part, Formula)]
+    last = min(part.record[0][1] for part in told if part.record is not None)
+    samples = np.unique(np.concatenate([part.compared("t") for part in told]))
+    times = np.concatenate([[0.0], samples[(samples > 0.0) & (samples < last)]])
+    ends = np.append(times[1:], last)
+    means = [
+        mean_of(part, times, ends) if isinstance(part, Formula) else np.full(len(times), part)
+        for part in parts
+    ]
+    if not several:
+        return PiecewiseConstant(tuple(times.tolist()), tuple(means[0].tolist()), tuple(parts))
+    vectors = tuple(tuple(each) for each in np.array(means).T.tolist())
+    return PiecewiseVector(tuple(times.tolist()), vectors, tuple(parts))

@@ -70,6 +70,8 @@ def mean_of(
         Floats in the shape to which all arguments broadcast; inf or nan where the formula has no
         finite value.
     """
+    if formula.table is not None:
+        return formula.table.mean(*np.broadcast_arrays(start, end, *others.values())[:2])[()]
     known = {name: value for name, value in others.items() if name in formula.used}
     if "t" not in formula.used:
         value = formula(**known)
@@ -96,7 +98,7 @@ def _cut_at_numbers(formula: Formula, low: Floats, high: Floats) -> tuple[Intege
     Returns:
         Of each part its interval, where it begins and where it ends, (parts,) each.
     """
-    told = np.array(formula.compared("t"))
+    told = formula.compared("t")
     first, last = np.searchsorted(told, low, side="right"), np.searchsorted(told, high, side="left")
     counts = np.maximum(last - first, 0) + 1
     if not len(told) or counts.sum() > max(_MOST, 4 * len(low)):
@@ -108,7 +110,7 @@ def _cut_at_numbers(formula: Formula, low: Floats, high: Floats) -> tuple[Intege
     stop = np.where(place == counts[of] - 1, high[of], told[np.minimum(at, len(told) - 1)])
     inside = 4.0 * np.spacing(stop)  # at the numbers themselves both branches may hold
     begin, stop = (
-        np.where(np.isin(edge, told), edge + away * inside, edge)
+        np.where(told[np.searchsorted(told[:-1], edge)] == edge, edge + away * inside, edge)
         for edge, away in ((begin, 1.0), (stop, -1.0))
     )
     return of, begin, np.maximum(stop, begin)
@@ -134,15 +136,19 @@ class StepMean:
         """Mean from one time to another [s]; ``state`` may have more than the formula uses."""
         if not self._varies:
             return self._value(state)
+        if self._formula.table is not None:
+            return float(self._formula.table.mean(np.array(start), np.array(end)))
         if not end > start:
             return self._value({"t": start, **state})
         formula, own = self._formula, {name: state[name] for name in self._used}
         if (start, end) != self._at:
             # A product with a state that is 0 just now would hide when it changes.
-            still = {name: np.full(1, value or _NEAR_ZERO) for name, value in own.items()}
-            parts = _resolved(formula, np.full(1, start), np.full(1, end), still)
+            of, low, high = _cut_at_numbers(formula, np.full(1, start), np.full(1, end))
+            still = {name: np.full(len(of), value or _NEAR_ZERO) for name, value in own.items()}
+            parts = _resolved(formula, low, high, still)
+            share = ((high - low) / (end - start))[parts.of] * parts.share
             self._times = (parts.low + parts.width * _MANY[:, None]).ravel()
-            self._weights = (parts.share * _MANY_WEIGHTS[:, None]).ravel()
+            self._weights = (share * _MANY_WEIGHTS[:, None]).ravel()
             self._at = start, end
         return float(self._weights @ formula(t=self._times, **own))
 

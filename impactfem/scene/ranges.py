@@ -14,6 +14,7 @@ import numpy as np
 
 from impactfem.arrays import Booleans, Floats
 from impactfem.scene.formula import Formula
+from impactfem.scene.pieces import Table
 
 type Number = float | Floats
 
@@ -239,6 +240,12 @@ def _largest(one: _Range | Number, two: _Range | Number) -> Any:
     return _choose(_less(one, two), two, one)
 
 
+def _table(table: Table, x: _Range | Number) -> Any:
+    if not isinstance(x, _Range):
+        return table(x)
+    return _Range(*table.bounds(x.low, x.high), x.rough | table.breaks(x.low, x.high))
+
+
 _exp, _log = _rising(np.exp), _rising(np.log, least=0.0)
 _asin = _rising(np.arcsin, -1.0, 1.0)
 
@@ -259,6 +266,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "min": _least,
     "max": _largest,
     "where": _choose,
+    "table": _table,
     "lt": _less,
     "le": _less,
     "gt": lambda a, b: _less(b, a),

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from impactfem.scene.grammar import NUMPY_FUNCTIONS, OPERATORS, Node
+from impactfem.scene.pieces import Table
 
 Values = Mapping[str, float]
 Scalar = Callable[[Values], float]
@@ -48,7 +49,7 @@ def scalar(tree: Node, otherwise: Scalar) -> Scalar:
         tree: Its tree.
         otherwise: What is asked where Python has no finite number.
     """
-    inner = _made(tree, _OPERATORS, _called)
+    inner = _made(tree, _OPERATORS, _called, Table.at)
 
     def value(values: Values) -> float:
         try:
@@ -62,12 +63,12 @@ def scalar(tree: Node, otherwise: Scalar) -> Scalar:
 
 def arrays(tree: Node) -> Callable[[Mapping[str, Any]], Any]:
     """A formula as a function of NumPy's arrays by name."""
-    return _made(tree, OPERATORS, _of_arrays)
+    return _made(tree, OPERATORS, _of_arrays, Table.__call__)
 
 
-def _made(
+def _made(  # noqa: PLR0911  (a case for each form of a node)
     node: Node, operators: Mapping[str, Callable[[Any, Any], Any]],
-    called: Callable[[str, list[Any]], Callable[[Any], Any]],
+    called: Callable[[str, list[Any]], Callable[[Any], Any]], table: Callable[[Table, Any], Any],
 ) -> Callable[[Any], Any]:  # fmt: skip
     match node:
         case float():
@@ -76,12 +77,17 @@ def _made(
             return operator.itemgetter(name)
         case ("held", held):
             return lambda _: held.value
+        case ("table", own, operand):
+            place = _made(operand, operators, called, table)
+            return lambda values: table(own, place(values))
         case ("negative", operand):
-            inner = _made(operand, operators, called)
+            inner = _made(operand, operators, called, table)
             return lambda values: -inner(values)
         case ("chain", first, steps):
-            begin = _made(first, operators, called)
-            rest = [(operators[name], _made(each, operators, called)) for name, each in steps]
+            begin = _made(first, operators, called, table)
+            rest = [
+                (operators[name], _made(each, operators, called, table)) for name, each in steps
+            ]
 
             def chain(values: Mapping[str, Any]) -> Any:
                 found = begin(values)
@@ -91,7 +97,7 @@ def _made(
 
             return chain
         case ("call", name, args):
-            return called(name, [_made(each, operators, called) for each in args])
+            return called(name, [_made(each, operators, called, table) for each in args])
     raise TypeError(f"unknown node {node!r}")
 
 

@@ -1,7 +1,7 @@
 """The scene: bodies, obstacles, loads and settings, read from TOML or made in Python."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import fields, replace
 from pathlib import Path
@@ -26,7 +26,7 @@ from impactfem.scene.controllers import MAX_CONTROLLERS, Controller, fed_back
 from impactfem.scene.couplings import SpringElement
 from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.drop import Drop, dropped
-from impactfem.scene.grammar import naming
+from impactfem.scene.grammar import FOLDER, naming
 from impactfem.scene.inline import plain
 from impactfem.scene.inverse import (
     MAX_MEASURES,
@@ -246,6 +246,14 @@ class Scene(Content):
             SceneError: naming the key, e.g. ``body[0].length``.
         """
         load_installed()
+        token = FOLDER.set(None if base is None else Path(base))
+        try:
+            return cls._from_dict(data, base)
+        finally:
+            FOLDER.reset(token)
+
+    @classmethod
+    def _from_dict(cls, data: Mapping[str, Any], base: str | os.PathLike[str] | None) -> Self:
         fields = {entry.name: name for name, entry in keys_of(cls).items()}
         given = check_keys(data, list(fields), "", TOP)
         values: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
@@ -338,15 +346,11 @@ class Scene(Content):
                 it lies in that folder, absolute otherwise.
         """
         data = self.to_dict()
-        for home in (*data["body"], *data["obstacle"], *data.get("measure", []), data["solve"]):
-            for name in ("mesh", "heights", "file", "data", "result"):
-                given = home.get(name)
-                if folder is not None and given and is_kept(given):
-                    home[name] = Path(given).name  # a copy is kept there
-                elif folder is not None and given and not Path(given).is_absolute():
-                    there, target = _absolute(Path(self.folder or "", given)), _absolute(folder)
-                    inside = there.is_relative_to(target)
-                    home[name] = str(there.relative_to(target) if inside else there)
+        if folder is not None:
+            for home in (*data["body"], *data["obstacle"], *data.get("measure", []), data["solve"]):
+                self._from(folder, home, "mesh", "heights", "file", "data", "result")
+            for signal in _signals(data):
+                self._from(folder, signal, "table")
         bodies, obstacles = data.pop("body"), data.pop("obstacle")
         contacts, joints = data.pop("contact"), data.pop("joint")
         springs, ties = data.pop("spring", []), data.pop("tie", [])
@@ -380,6 +384,17 @@ class Scene(Content):
             units = {entry.name: entry.unit for entry in keys_of(cls).values()}
             texts.append(write_table(heading, content, units))
         return "\n".join(texts)
+
+    def _from(self, folder: str | os.PathLike[str], home: dict[str, Any], *names: str) -> None:
+        """Let the files of a table be found from a folder."""
+        for name in names:
+            given = home.get(name)
+            if given and is_kept(given):
+                home[name] = Path(given).name  # a copy is kept there
+            elif given and not Path(given).is_absolute():
+                there, target = _absolute(Path(self.folder or "", given)), _absolute(folder)
+                inside = there.is_relative_to(target)
+                home[name] = str(there.relative_to(target) if inside else there)
 
     def keep_meshes(self, folder: Path) -> None:
         """Copy meshes that a program held to where `to_toml` says that they lie.
@@ -417,6 +432,15 @@ class Scene(Content):
         except SceneError as error:
             shown = ", ".join(f"{path} = {show(value)}" for path, value in settings.items())
             raise SceneError(f"after setting {shown}: {error}") from None
+
+
+def _signals(value: object) -> Iterator[dict[str, Any]]:
+    """Tables of measured signals in plain tables."""
+    if isinstance(value, dict) and isinstance(value.get("table"), str):
+        yield value
+    elif isinstance(value, dict | list | tuple):
+        for each in value.values() if isinstance(value, dict) else value:
+            yield from _signals(each)
 
 
 def _started(values: dict[str, Any], parameters: Sequence[Parameter]) -> dict[str, Any]:

@@ -210,7 +210,7 @@ def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
     last = parts[-1]
     if place == []:
         raise NotAllowedError(f"there is nothing in {'.'.join(parts[:-1])}")
-    if isinstance(place, list) and not isinstance(place[0], dict):
+    if isinstance(place, list) and not _is_table(place[0]):
         if not (last.isdigit() and int(last) < len(place)):
             raise NotAllowedError(
                 f"{show(last)} is no entry of a list of {len(place)}; write 0 to {len(place) - 1}"
@@ -222,6 +222,11 @@ def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
     if not isinstance(place, dict):
         raise NotAllowedError(f"there is no table but {show(place)}")
     return place, last
+
+
+def _is_table(entry: object) -> bool:
+    """Whether an entry of a list is a table of several keys, and no measured signal."""
+    return isinstance(entry, dict) and "table" not in entry
 
 
 def own(value: object, depth: int = 5) -> object:
