@@ -119,7 +119,7 @@ class FlexibleMidpoint(FewInterior):
         return (
             (self._moved, self._turned), (self._speed, self._spin, self._whirl),
             (bodies.node_mass, bodies.inertia, bodies.springs), bodies.elements, bodies.sides,
-            self._before, bodies.turns[0], self.span, beta, alpha,
+            self._before, bodies.turns, self.span, beta, alpha,
         )  # fmt: skip
 
     def _inside(self, way: Floats) -> tuple[Floats, Frames]:
@@ -138,7 +138,7 @@ class FlexibleMidpoint(FewInterior):
             stresses = np.zeros((len(bodies.elements), 6))
             foreseen_in_step(
                 since, way - since, self._frames, bodies.elements, bodies.sides, self._before,
-                bodies.turns[0], self.span, bodies.beam.rayleigh_damping[1],
+                bodies.turns, self.span, bodies.beam.rayleigh_damping[1],
                 self._inside(since)[1][1], stresses,
             )  # fmt: skip
         tangent(way, *self._known(), turned, stresses, blocks, beside)
@@ -474,7 +474,9 @@ class FlexibleMidpoint(FewInterior):
         own = self._whirl[:, 3 - turns :].sum(axis=0)
         spin = np.einsum("tnd,nd,n->t", self.spins(), speed, mass) + own
         # Angles in the plane are those to the x axis, rotations in space those since t = 0.
-        back = bodies.turns[0] if dim == 2 else np.eye(3)
+        back = np.eye(3)
+        if dim == 2 and bodies.beam.curve is None:
+            back = bodies.turns[0]
         rest = (bodies.places(0.0 * self.coordinates) - bodies.centers[0]) @ back[:dim, :dim]
         kinetic = 0.5 * float(mass @ (self._speed**2).sum(axis=1))
         kinetic += 0.5 * float((bodies.inertia * self._spin**2).sum())
@@ -556,7 +558,8 @@ class _Tips:
         each[:, :, bodies.moves] = stations.rows
         self._nodes = np.abs(each).max(axis=(1, 3)).argmax(axis=1)
         away = stations.places - bodies.start[self._nodes]
-        self._arms = away @ bodies.turns[0]  # along the axes of the node
+        # Along the axes of the nodes.
+        self._arms = np.einsum("ki,kij->kj", away, bodies.turns[self._nodes])
         self._start, self._count = bodies.start, count
         self._moves = np.flatnonzero(each.reshape(-1, 6 * count).any(axis=1))
         self._free = bodies.moves.ravel()

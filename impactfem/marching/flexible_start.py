@@ -21,6 +21,7 @@ _HELD = 1e-12  # share of a motion below which nothing holds it
 _LEAST, _MOST, _ABOUT = 1e-3, 20, 1e-6  # parts of loads, iterates, and what these may leave
 _FARTHEST = 1.5  # turns by a part of the loads [rad]
 _LONGEST, _BENT = 0.5, 0.5  # strains, and squared sines of half turns, of elements in passes
+_ROUNDED = 8.0 * float(np.finfo(float).eps)  # share of E A
 _TINY = float(np.finfo(float).tiny)
 _SMALL = 1e-3  # turns whose series are taken [rad]
 
@@ -166,8 +167,11 @@ class FlexibleAtRest(FewAtRest):
         return self._left(at)
 
     def _left(self, at: Frames) -> Floats:
-        """Loads less internal forces."""
-        return self._march.bodies.freely(self._march.unbalanced_at(at))
+        """Loads less internal forces; 0 where rounding of a stretch makes as much."""
+        left = self._march.unbalanced_at(at)
+        noise = _ROUNDED * float(np.abs(self._march.bodies.elements[:, 4]).max())
+        reach = np.array([1.0, 1.0, 1.0, *([self._march.bodies.elements[0, 3]] * 3)])
+        return self._march.bodies.freely(np.where(np.abs(left) <= noise * reach, 0.0, left))
 
     def turned(self, place: Floats) -> Floats:  # noqa: ARG002  (sums tell how it lies)
         """Nothing: sums tell how it lies."""

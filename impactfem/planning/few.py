@@ -100,7 +100,8 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         cost=lambda factor: start + seconds / factor, reasons=reasons,
     )  # fmt: skip
     if solve.estimate is None and not meshed:
-        reasons["estimate"] = "by runs with steps twice and four times as long"
+        what = "elements and steps" if scene.resized else "steps"
+        reasons["estimate"] = f"by runs with {what} twice and four times as long"
     if solve.method is None and _could_locate(scene):
         reasons["offer method"] = (
             f'solve.method = "{LOCATING}" locates impacts and knows this scene: its error is that '

@@ -68,7 +68,7 @@ def estimate_error(
         apart = difference(tracks[0], own, FINER)
         found, note = apart.times(2.0, 2.0), {"message": "from a run on elements half as large"}
     else:
-        words = COARSER if scene.meshed else LONGER
+        words = COARSER if scene.resized else LONGER
         near = difference(own, tracks[0], words)
         found, note = extrapolated(near, difference(tracks[0], tracks[1], words))
     steps = sum(len(track.times) - 1 for track in tracks)
@@ -147,7 +147,7 @@ def resized(scene: Scene, factor: float, kept: Sequence[str] = ()) -> Iterator[S
     with ExitStack() as files:
         others = {
             body.name: _with_size(scene, body, factor, files)
-            for body in scene.meshed
+            for body in scene.resized
             if body.name not in kept
         }
         bodies = tuple(others.get(body.name, body) for body in scene.bodies)
@@ -158,7 +158,7 @@ def resized(scene: Scene, factor: float, kept: Sequence[str] = ()) -> Iterator[S
 
 def _with_size(scene: Scene, body: Any, factor: float, files: ExitStack) -> Any:
     """The body with elements so many times as large."""
-    if body.mesh_size is None:
+    if body.meshed and body.mesh_size is None:
         from impactfem.fem import MPI  # noqa: PLC0415
         from impactfem.mesh.body_files import refined  # noqa: PLC0415
 

@@ -1,5 +1,6 @@
 """Places of bodies whose way is kept, so that runs on other elements can be compared with it."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -30,8 +31,11 @@ def chosen_places(model: SolidsModel, few: Sequence[FewInterior], layers: int) -
     numbers = layers * model.dim * max(1, len(model.parts) + len(lined))
     count = int(np.clip(_VALUES // max(1, numbers), _LEAST, _MOST))
     found = {part.solid.name: _spread(part, count) for part in model.parts}
+    meshed = {body.name for body in model.scene.meshed}
     for name, (march, body) in lined.items():
         nodes = march.material(body)
+        if name not in meshed and (shared := _shared(len(nodes) - 1)) > 1:
+            nodes = nodes[:: (len(nodes) - 1) // shared]  # as beams bend between theirs
         found[name] = nodes[np.unique(np.linspace(0, len(nodes) - 1, count).round().astype(int))]
     moving = [probe for probe in model.scene.probes if "displacement" in probe.quantities]
     for probe in moving:
@@ -48,9 +52,14 @@ def chosen_places(model: SolidsModel, few: Sequence[FewInterior], layers: int) -
     return found
 
 
+def _shared(elements: int) -> int:
+    """Elements between nodes that a line has on larger elements too."""
+    return math.gcd(elements, *(max(1, round(elements / factor)) for factor in (2.0, 4.0)))
+
+
 def _lined(model: SolidsModel, few: Sequence[FewInterior]) -> dict[str, tuple[FewInterior, int]]:
     """What marches the bodies with elements that are no solids, and their places there."""
-    meshed = {body.name for body in model.scene.meshed}
+    meshed = {body.name for body in model.scene.resized}
     each = [(m, k, name) for m in few for k, name in enumerate(m.bodies.names)]
     return {name: (march, body) for march, body, name in each if name in meshed}
 

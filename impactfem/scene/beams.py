@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 
@@ -13,9 +14,10 @@ from impactfem.scene.beam_supports import ENDS, BeamSupport, check_supports, fir
 from impactfem.scene.body import JOINED, BodyKind, Solver
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
-from impactfem.scene.given import FormulaOrSome, Tables
+from impactfem.scene.given import FormulaOrSome, MaybeFormulas, Tables
 from impactfem.scene.inline import (
     FormulaOrFormulas,
+    Formulas,
     InlineTable,
     ListOf,
     NumberOrVector,
@@ -26,7 +28,10 @@ from impactfem.scene.joints import GROUND, Joint
 from impactfem.scene.kinds import Choice, Integer, Name, Real
 from impactfem.scene.obstacles.base import unit_vector
 from impactfem.scene.schema import KeyedError, key, table
-from impactfem.scene.values import show
+from impactfem.scene.values import NotAllowedError, show
+
+if TYPE_CHECKING:
+    from impactfem.scene.centerline import Curve
 
 THEORIES = ("euler_bernoulli", "timoshenko")
 STRAINS = ("small", "finite")
@@ -36,6 +41,8 @@ SHEAR_CORRECTION = 5.0 / 6.0
 
 # Height over length up to which the deflection of a theory is that of the body.
 _THICKEST = {"euler_bernoulli": 0.2, "timoshenko": 0.5}
+_MOST_BENT = 0.2  # height over the radius of a curved axis
+_SAME = 1e-6  # relative difference of lengths of one axis
 _INCLINATION = "angle of the axis to the x axis, from -pi to pi"
 
 
@@ -131,7 +138,9 @@ class Beam(Slender):
     joined_in_steps: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the beam in histories", default="beam")
-    length: float = key(Real(above=0), "length", unit="m")
+    length: float = key(
+        Real(above=0), "length", unit="m", default=None, absent="that of centerline"
+    )
     height: float = key(
         Real(above=0), "height of the section, in the plane, or across width_axis", unit="m"
     )
@@ -148,10 +157,17 @@ class Beam(Slender):
     theory: str = key(Choice(THEORIES), "bending without or with shear", default="euler_bernoulli")
     strain: str | None = key(
         Choice(STRAINS), "whether it may turn and bend as far as it likes; finite: at any angle",
-        default=None, absent="small",
+        default=None, absent="small; finite, with a centerline",
     )  # fmt: skip
     elements: int = key(Integer(1, 1000), "number of elements along the beam", default=16)
-    center: Sequence[float] = key(Vector(), "centre at t = 0", unit="m")
+    center: Sequence[float] = key(
+        Vector(), "centre at t = 0; with a centerline the origin of that", unit="m"
+    )
+    centerline: MaybeFormulas = key(
+        Formulas(("s",)), "a curved axis at t = 0, without stresses: from center, along the axes "
+        "of the scene, s from 0 at the first to 1 at the last end; for beams of finite strain",
+        unit="m", default=None, absent="straight",
+    )  # fmt: skip
     inclination: float = key(
         Real(), f"{_INCLINATION}, at t = 0, in the plane", unit="rad", default=0.0
     )
@@ -210,6 +226,7 @@ class Beam(Slender):
     def _check(self) -> None:
         _check_angle(self)
         self._check_dimension()
+        self._check_curve()
         for index, pushed in enumerate(self.end_loads):
             for name, count in (("force", self.dim), ("moment", 2 * self.dim - 3)):
                 given = getattr(pushed, name)
@@ -257,12 +274,57 @@ class Beam(Slender):
     @property
     def is_finite(self) -> bool:
         """Whether it may turn and bend far."""
-        return self.strain == "finite"
+        return self.strain == "finite" or (self.strain is None and self.centerline is not None)
+
+    @cached_property
+    def curve(self) -> "Curve | None":
+        """Its axis, if it is curved."""
+        if self.centerline is None:
+            return None
+        from impactfem.scene.centerline import curve_of  # noqa: PLC0415  (few beams have one)
+
+        wide = None if self.width_axis is None else np.asarray(self.width_axis, dtype=np.float64)
+        try:
+            return curve_of(self.centerline, self.center, self.elements, wide)
+        except NotAllowedError as error:
+            given = show([formula.plain for formula in self.centerline])
+            raise KeyedError(self.kind, "centerline", f" = {given} is no axis: {error}.") from None
+
+    @property
+    def middle(self) -> Floats:
+        """Centre of its axis [m], (dim,)."""
+        return np.asarray(self.center if self.curve is None else self.curve.middle, dtype=float)
+
+    def centreline(self) -> Floats:
+        """Both ends of its axis at t = 0, or nodes along a curved one [m], (places, dim)."""
+        return super().centreline() if self.curve is None else self.curve.nodes
+
+    @property
+    def node_places(self) -> Floats:
+        """Its nodes at t = 0 [m], (elements + 1, dim)."""
+        if self.curve is not None:
+            return self.curve.nodes
+        s = np.linspace(-0.5 * self.length, 0.5 * self.length, self.elements + 1)
+        return np.asarray(self.center, dtype=np.float64) + s[:, None] * self.along
+
+    @property
+    def node_frames(self) -> Floats:
+        """Unit vectors there along its axis, height and width, in columns, (nodes, 3, 3)."""
+        if self.curve is not None:
+            return self.curve.frames
+        frame = np.eye(3)
+        frame[: self.dim, : self.dim] = self.frame.T
+        return np.tile(frame, (self.elements + 1, 1, 1))
 
     @property
     def small_strains(self) -> bool:  # type: ignore[override]
         """Unless it is of finite strain."""
         return not self.is_finite
+
+    def with_elements(self, factor: float) -> Self:
+        """The same with elements about so many times as long, at least one."""
+        count = max(1, round(self.elements / factor))
+        return replace(self, elements=count)
 
     @property
     def turns_far(self) -> bool:
@@ -271,9 +333,12 @@ class Beam(Slender):
 
     @property
     def loads(self) -> tuple[tuple[Floats, Formula], ...]:
-        """Directions (dim,) and loads along them."""
-        if self.load is None or isinstance(self.load, Formula):
-            return () if self.load is None else ((self.frame[1], self.load),)
+        """Directions (dim,), of one across a curved axis (nodes, dim), and loads along them."""
+        if self.load is None:
+            return ()
+        if isinstance(self.load, Formula):
+            curve = self.curve
+            return ((self.frame[1] if curve is None else curve.frames[:, :2, 1], self.load),)
         each = zip(np.eye(self.dim), self.load, strict=True)
         return tuple((along, load) for along, load in each if load.used or load())
 
@@ -311,15 +376,16 @@ class Beam(Slender):
     @property
     def own_joints(self) -> tuple[Joint, ...]:
         """Joints by which ends are held, which may see the ground move."""
-        one, two = self.frame[-2:].tolist()
         found = []
         for support in self.jointed_ends:
+            last = -ENDS.index(support.end)
+            one, two = self.node_frames[last].T[-2:].tolist()
             turns: dict[str, Any] = {"kind": "fixed"}
             if not support.holds[1]:
                 turns = {"kind": "revolute"}
                 if self.in_space:  # free to bend, not to turn about its axis
                     turns = {"kind": "universal", "axis": one, "second_axis": two}
-            place = self.centreline()[ENDS.index(support.end)].tolist()
+            place = self.centreline()[last].tolist()
             found.append(
                 Joint(
                     name=f"{self.name}_{support.end}", between=(GROUND, self.name), point=place,
@@ -347,7 +413,12 @@ class Beam(Slender):
 
     @cached_property
     def frame(self) -> Floats:
-        """Unit vectors along the axis, the height and the width, by rows: (dim, dim)."""
+        """Unit vectors along the axis, the height and the width, by rows: (dim, dim).
+
+        Those of a curved axis are at its first end.
+        """
+        if self.curve is not None:
+            return np.asarray(self.curve.frames[0].T[: self.dim, : self.dim])
         if not self.in_space:
             along = super().along
             return np.array([along, [-along[1], along[0]]])
@@ -374,10 +445,16 @@ class Beam(Slender):
 
     def box(self) -> tuple[Floats, Floats]:
         """Half edges and centre [m] of a box around its axis in any rotation."""
+        if self.curve is not None:
+            far = np.linalg.norm(self.curve.nodes - self.middle, axis=1).max()
+            return np.full(self.dim, far), self.middle
         return np.full(self.dim, self.length / 2), np.asarray(self.center, dtype=np.float64)
 
     def missed(self, place: Floats, part: str) -> str | None:  # noqa: ARG002  (it has none)
         """Joints hold a section along its axis, within its height."""
+        if self.curve is not None:
+            far = self.curve.nearest(np.asarray(place))[1] > 0.5 * self.height * (1.0 + JOINED)
+            return "its centerline, within half its height" if far else None
         along = self.along
         away = place - np.asarray(self.center)
         far = abs(away @ along) > 0.5 * self.length * (1.0 + JOINED)
@@ -399,7 +476,7 @@ class Beam(Slender):
     @property
     def flight(self) -> Flight | None:
         """How it flies; None if damping brakes its fall, a load acts, or an end is held."""
-        if self.rayleigh_damping[0] or self.supports or self.is_loaded:
+        if self.rayleigh_damping[0] or self.supports or self.is_loaded or self.centerline:
             return None
         return Flight((self.length / 2,) * self.dim, self.center, tuple(self.rates[: self.dim]))
 
@@ -470,6 +547,36 @@ class Beam(Slender):
             if np.linalg.norm(np.cross(self._axis, wide)) < 1e-6:
                 text = f" = {show(list(self.width_axis))} lies along axis: give one across it."
                 raise KeyedError(self.kind, "width_axis", text)
+
+    def _check_curve(self) -> None:
+        """A curved axis says where it lies and how long it is."""
+        if self.centerline is None:
+            if cast("float | None", self.length) is None:
+                text = " is missing: add it, give a number > 0 [m], or a centerline."
+                raise KeyedError(self.kind, "length", text)
+            return
+        given = [formula.plain for formula in self.centerline]
+        if len(given) != self.dim:
+            text = f" has {len(given)} entries, center has {self.dim}: give {self.dim}."
+            raise KeyedError(self.kind, "centerline", text)
+        for name in ("axis", "inclination"):
+            if getattr(self, name):
+                text = f" = {show(getattr(self, name))} contradicts centerline: remove one of them."
+                raise KeyedError(self.kind, name, text)
+        if self.strain == STRAINS[0]:
+            text = f' = "{self.strain}": elements of small strain have straight axes; with a '
+            raise KeyedError(self.kind, "strain", f'{text}centerline give "finite", or none.')
+        curve = cast("Curve", self.curve)
+        if self.length is not None and abs(self.length - curve.length) > _SAME * curve.length:
+            text = f" = {self.length:g} is not that of centerline, {curve.length:.10g}: remove it."
+            raise KeyedError(self.kind, "length", text)
+        object.__setattr__(self, "length", curve.length)
+        for name in ("height", "width")[: self.dim - 1]:
+            if (bent := getattr(self, name) * curve.bend) > _MOST_BENT:
+                text = f" = {getattr(self, name):g} is {bent:.3g} of the least radius of "
+                text += f"centerline, {1.0 / curve.bend:.4g}: sections of beams are small beside "
+                text += f"it (at most {_MOST_BENT:g}); model it as a solid."
+                raise KeyedError(self.kind, name, text)
 
     def _check_slenderness(self) -> None:
         limit = _THICKEST[self.theory]

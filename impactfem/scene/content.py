@@ -271,6 +271,12 @@ class Content:
         return tuple(body for body in self.bodies if body.meshed)
 
     @property
+    def resized(self) -> tuple[Any, ...]:
+        """The bodies on whose elements, made larger or smaller, runs tell the error."""
+        along = (body.in_elements and body.turns_far for body in self.bodies)
+        return tuple(b for b, far in zip(self.bodies, along, strict=True) if b.meshed or far)
+
+    @property
     def solids(self) -> tuple[Solid, ...]:
         """The solids of the scene."""
         return self._all(Solid)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -145,10 +145,8 @@ def _of_rod(body: Rod, _: Path) -> Outline:
 
 
 def _of_beam(body: Beam, _: Path) -> Outline:
-    one, two = body.centreline()
-    count = body.elements + 1 if body.touches_along else 2
-    nodes = one + np.linspace(0.0, 1.0, count)[:, None] * (two - one)
-    return nodes, np.zeros(count)
+    nodes = body.node_places if body.touches_along else body.node_places[[0, -1]]
+    return nodes, np.zeros(len(nodes))
 
 
 def _of_plate(body: Plate, folder: Path) -> Outline:
@@ -224,7 +222,16 @@ def _move_net(body: SpringNet, tables: dict[str, Any], move: Move) -> None:
 
 def _move_slender(body: Rod | Beam, tables: dict[str, Any], move: Move) -> None:
     tables["center"] = move.point(body.center)
-    if move.turns and body.dim == 2:
+    curved = getattr(body, "centerline", None)
+    if move.turns and curved is not None:
+        given = [formula.text for formula in curved]
+        tables["centerline"] = [
+            " + ".join(f"{share!r}*({text})" for share, text in zip(row, given, strict=True))
+            for row in move.turn[: body.dim, : body.dim].tolist()
+        ]
+        if len(curved) == 3:
+            tables["width_axis"] = move.vector(cast("Beam", body).frame[2])
+    elif move.turns and body.dim == 2:
         angle = body.inclination + math.atan2(move.turn[1, 0], move.turn[0, 0])
         tables["inclination"] = math.remainder(angle, 2.0 * math.pi)
     elif move.turns and isinstance(body, Beam):

@@ -76,14 +76,14 @@ class Jet:
         )
 
 
-def motion_at(formula: Formula, t: ArrayLike) -> Jet:
+def motion_at(formula: Formula, t: ArrayLike, variable: str = "t") -> Jet:
     """Values, velocities and accelerations of a formula in t, each of the shape of t.
 
     They are nan or infinite where it has none.
     """
     times = np.asarray(t, dtype=float)
     with np.errstate(all="ignore"):
-        found = _jet(formula.apply(_FUNCTIONS, t=Jet(times, 1.0)))
+        found = _jet(formula.apply(_FUNCTIONS, **{variable: Jet(times, 1.0)}))
     parts = (found.value, found.rate, found.second)
     return Jet(*(np.array(np.broadcast_to(part, times.shape))[()] for part in parts))
 

@@ -75,7 +75,11 @@ def invariants(rest, h, moved, turned, out):
 
 @compiled
 def strains(state, bows, g, p, out):
-    """C, how much longer the axis is, shears, g a and |c| of an element, (10,)."""
+    """C, strains and |c| of an element, (10,).
+
+    Strains are how much longer the axis is, shears and g a, less those without stresses, which
+    come after the three bows.
+    """
     for i in range(3):
         out[i] = g * state[3 + i] - p * state[7] * state[i]
         out[6 + i] = g * state[i]
@@ -84,6 +88,8 @@ def strains(state, bows, g, p, out):
     for i in range(3):
         out[3] += bows[i] * out[i] * out[i]
     out[4], out[5] = out[1], out[2]
+    for i in range(6):
+        out[3 + i] -= bows[3 + i]
 
 
 @compiled
@@ -91,7 +97,7 @@ def push(data, before, moved, turned, middle, amid, rate, given, work, out):
     """Forces and moments of an element on its nodes, (2, 6).
 
     Args:
-        data: Of the element, rest, h, stretching, bending, bows, (13,).
+        data: Of the element, rest, h, stretching, bending, bows, strains without stresses, (19,).
         before: Its invariants at the start of the step, (8,).
         moved, turned: Of its nodes at the end, (2, 3) and (2, 3, 3).
         middle, amid: The same amid the step.
@@ -100,7 +106,7 @@ def push(data, before, moved, turned, middle, amid, rate, given, work, out):
         work: Room, (46,).
         out: Written.
     """
-    rest, h, stretching, bending, bows = data[:3], data[3], data[4:7], data[7:10], data[10:13]
+    rest, h, stretching, bending, bows = data[:3], data[3], data[4:7], data[7:10], data[10:19]
     state, one, two = work[:8], work[8:18], work[18:28]
     invariants(rest, h, moved, turned, state)
     g0, g1, dg = _values(_G, before[6] + 0.0 * state[6], state[6])
@@ -195,7 +201,8 @@ def _inertial(way, turned, mass, speed, inertia, spin, whirl, frame, span, alpha
 
 @compiled
 def resistance(
-    way, frames, rates, nodes, elements, sides, before, rest_frame, span, viscous, alpha, out, after
+    way, frames, rates, nodes, elements, sides, before, rest_frames, span, viscous, alpha, out,
+    after,
 ):  # fmt: skip
     """What strains, springs and momenta take in a step, (nodes, 6), and frames at its end.
 
@@ -204,10 +211,10 @@ def resistance(
         frames: Displacements and frames at its start.
         rates: Velocities, spins along the axes, angular momenta in space, (nodes, 3) each.
         nodes: Masses (nodes,), inertias (nodes, 3) and springs (nodes,).
-        elements: Data of the elements, (elements, 13).
+        elements: Data of the elements, (elements, 19).
         sides: Their nodes, -1 of none, (elements, 2).
         before: Their invariants at its start, (elements, 8).
-        rest_frame: Of what stays, (3, 3).
+        rest_frames: Of the nodes at t = 0, which is how what holds them stays, (nodes, 3, 3).
         span: [s].
         viscous: [s].
         alpha: Damping by mass [1/s].
@@ -227,9 +234,10 @@ def resistance(
     work, own = np.zeros(46, np.complex128), np.empty((2, 6), np.complex128)
     here, there, middle, amid = _room()
     for e in range(len(elements)):
+        rest = rest_frames[sides[e, 1]]
         for side in range(2):
             node = sides[e, side]
-            _gather(node, moved, turned, way, after, rest_frame, side, here, there, middle, amid)
+            _gather(node, moved, turned, way, after, rest, side, here, there, middle, amid)
         push(
             elements[e],
             before[e],
@@ -278,7 +286,7 @@ def _gather(node, moved, turned, way, after, rest_frame, side, here, there, midd
 
 @compiled
 def tangent(
-    way, frames, rates, nodes, elements, sides, before, rest_frame, span, viscous, alpha, after,
+    way, frames, rates, nodes, elements, sides, before, rest_frames, span, viscous, alpha, after,
     stresses, blocks, beside,
 ):  # fmt: skip
     """Derivatives of `resistance` by the way, (nodes, 6, 6) and (2, nodes - 1, 6, 6).
@@ -310,9 +318,10 @@ def tangent(
             if k < 3:
                 blocks[node, k, k] += 0.5 * springs[node]
     for e in range(len(elements)):
+        rest = rest_frames[sides[e, 1]]
         for side in range(2):
             _gather(
-                sides[e, side], moved, turned, way, after, rest_frame, side, here, there, middle,
+                sides[e, side], moved, turned, way, after, rest, side, here, there, middle,
                 amid,
             )  # fmt: skip
         for side in range(2):
@@ -345,14 +354,12 @@ def tangent(
                     blocks[node, i, k] += own[side, i].imag / _STEP
                     if other >= 0:
                         beside[side, e, i, k] = own[1 - side, i].imag / _STEP
-                _gather(
-                    node, moved, turned, way, after, rest_frame, side, here, there, middle, amid
-                )
+                _gather(node, moved, turned, way, after, rest, side, here, there, middle, amid)
 
 
 @compiled
 def foreseen_in_step(
-    way, change, frames, elements, sides, before, rest_frame, span, viscous, after, out
+    way, change, frames, elements, sides, before, rest_frames, span, viscous, after, out
 ):  # fmt: skip
     """Mean stresses of the elements (elements, 6) in a step, and by a small change of its way."""
     moved, turned = frames
@@ -360,9 +367,10 @@ def foreseen_in_step(
     turn, frame = np.empty(3, np.complex128), np.empty((3, 3), np.complex128)
     here, there, middle, amid = _room()
     for e in range(len(elements)):
+        rest = rest_frames[sides[e, 1]]
         for side in range(2):
             node = sides[e, side]
-            _gather(node, moved, turned, way, after, rest_frame, side, here, there, middle, amid)
+            _gather(node, moved, turned, way, after, rest, side, here, there, middle, amid)
             if node < 0:
                 continue
             for i in range(3):
@@ -413,7 +421,7 @@ def banded(blocks, beside, free, out):
 
 
 @compiled
-def looked(data, sides, moved, turned, rest_frame, out):
+def looked(data, sides, moved, turned, rest_frames, out):
     """Energies of the elements at a place; their invariants (elements, 8) are written.
 
     Returns:
@@ -425,16 +433,17 @@ def looked(data, sides, moved, turned, rest_frame, out):
     one, state = np.empty(10, np.complex128), np.empty(8, np.complex128)
     still = np.zeros((len(moved), 6))
     for e in range(len(data)):
+        rest = rest_frames[sides[e, 1]]
         for side in range(2):
             _gather(
-                sides[e, side], moved, turned, still, turned, rest_frame, side, here, there, middle,
+                sides[e, side], moved, turned, still, turned, rest, side, here, there, middle,
                 amid,
             )  # fmt: skip
         h = data[e, 3]
         invariants(data[e, :3], h, here, there, state)
         g, _, _ = _values(_G, state[6], state[6])
         p, _, _ = _values(_P, state[6], state[6])
-        strains(state, data[e, 10:13], g, p, one)
+        strains(state, data[e, 10:19], g, p, one)
         for i in range(8):
             out[e, i] = state[i].real
         for i in range(3):
@@ -445,11 +454,11 @@ def looked(data, sides, moved, turned, rest_frame, out):
 
 
 @compiled
-def standing(data, sides, springs, moved, turned, rest_frame, stresses, force, stiffness):
+def standing(data, sides, springs, moved, turned, rest_frames, stresses, force, stiffness):
     """Forces at a place that stays (nodes, 6), and how they change there.
 
     Args:
-        data, sides, springs, rest_frame: See `resistance`.
+        data, sides, springs, rest_frames: See `resistance`.
         moved, turned: Displacements and frames.
         stresses: With which what is turned by them stiffens, (elements, 6), or those of the strains
             (elements, 0). Thin beams come to rest in fewer iterates by what the last one foresaw
@@ -468,10 +477,11 @@ def standing(data, sides, springs, moved, turned, rest_frame, stresses, force, s
             force[node, i] = springs[node] * moved[node, i]
             stiffness[node, i, node, i] += springs[node]
     for e in range(len(data)):
+        rest = rest_frames[sides[e, 1]]
         for step in range(12):
             for side in range(2):
                 _gather(
-                    sides[e, side], moved, turned, still, turned, rest_frame, side, here, there,
+                    sides[e, side], moved, turned, still, turned, rest, side, here, there,
                     middle, amid,
                 )  # fmt: skip
             side, k = step // 6, step % 6
@@ -502,15 +512,16 @@ def standing(data, sides, springs, moved, turned, rest_frame, stresses, force, s
 
 
 @compiled
-def foreseen(data, sides, moved, turned, rest_frame, change, out):
+def foreseen(data, sides, moved, turned, rest_frames, change, out):
     """Stresses of the elements (elements, 6) at a place and by a small change (nodes, 6) there."""
     still = np.zeros((len(moved), 6))
     here, there, middle, amid = _room()
     one, state = np.empty(10, np.complex128), np.empty(8, np.complex128)
     for e in range(len(data)):
+        rest = rest_frames[sides[e, 1]]
         for side in range(2):
             node = sides[e, side]
-            _gather(node, moved, turned, still, turned, rest_frame, side, here, there, middle, amid)
+            _gather(node, moved, turned, still, turned, rest, side, here, there, middle, amid)
             if node < 0:
                 continue
             for i in range(3):
@@ -525,7 +536,7 @@ def foreseen(data, sides, moved, turned, rest_frame, change, out):
         invariants(data[e, :3], data[e, 3], here, there, state)
         g, _, _ = _values(_G, state[6], state[6])
         p, _, _ = _values(_P, state[6], state[6])
-        strains(state, data[e, 10:13], g, p, one)
+        strains(state, data[e, 10:19], g, p, one)
         for i in range(3):
             out[e, i] = data[e, 4 + i] * (one[3 + i].real + one[3 + i].imag / _STEP)
             out[e, 3 + i] = (

@@ -53,9 +53,9 @@ class FlexibleBeam(FewBodies):
 
     Attributes:
         beam: It.
-        elements: Of its elements, which springs that hold turns of ends come after, direction, h,
-            stiffness against stretch and shears, and against twist and bending, bows, (elements,
-            13); see `impactfem.system.beam_kernels`.
+        elements: Of its elements, which springs that hold turns of ends come after, chord over h,
+            h, stiffness against stretch and shears, and against twist and bending, bows, strains
+            without stresses, (elements, 19); see `impactfem.system.beam_kernels`.
         sides: First and last node of each element; node -1 stays as it was, (elements, 2).
         node_mass: [kg], (nodes,).
         inertia: Of the nodes along their columns [kg m^2], (nodes, 3).
@@ -95,7 +95,7 @@ class FlexibleBeam(FewBodies):
         Strains are how much longer the axis is, shears, twist and curvatures, (elements, 6).
         """
         states = np.empty((len(self.elements), 8))
-        found, energy = looked(self.elements, self.sides, *at, self.turns[0], states)
+        found, energy = looked(self.elements, self.sides, *at, self.turns, states)
         return states, found, energy + 0.5 * float(self.springs @ (at[0] ** 2).sum(axis=1))
 
     def standing(self, at: Frames, stresses: Floats | None = None) -> tuple[Floats, Floats]:
@@ -106,14 +106,14 @@ class FlexibleBeam(FewBodies):
         """
         count, own = self.nodes, np.zeros((len(self.elements), 0))
         force, stiffness = np.empty((count, 6)), np.zeros((count, 6, count, 6))
-        args = self.elements, self.sides, self.springs, *at, self.turns[0]
+        args = self.elements, self.sides, self.springs, *at, self.turns
         standing(*args, own if stresses is None else stresses, force, stiffness)
         return force, stiffness
 
     def foreseen(self, at: Frames, change: Floats) -> Floats:
         """Stresses of the elements at a place and by a small change (nodes, 6) there."""
         found = np.empty((len(self.elements), 6))
-        foreseen(self.elements, self.sides, *at, self.turns[0], change, found)
+        foreseen(self.elements, self.sides, *at, self.turns, change, found)
         return found
 
     def fibres(self, at: Frames) -> tuple[Floats, Floats]:
@@ -134,8 +134,8 @@ class FlexibleBeam(FewBodies):
     def about_centre(self) -> Floats:
         """Moment of inertia about the centre at t = 0 [kg m^2], (1, 1) or (3, 3)."""
         arms = self.start - in_space(self.centers[0])
-        frame, second = self.turns[0], (self.node_mass * arms.T) @ arms
-        own = (frame * self.inertia.sum(axis=0)) @ frame.T
+        second = (self.node_mass * arms.T) @ arms
+        own = np.einsum("nik,nk,njk->ij", self.turns, self.inertia, self.turns)
         found = np.asarray(np.trace(second) * np.eye(3) - second + own)
         return found if self.dim == 3 else found[2:, 2:]
 
@@ -158,10 +158,13 @@ class FlexibleBeam(FewBodies):
         keys: list[tuple[int, tuple[float, ...]]] = []
         for _, wanted, _ in asked:
             node = int(np.linalg.norm(self.start - wanted, axis=1).argmin())
-            along = in_space(self.beam.along)
-            s = float((wanted - self.start[node]) @ along)
-            length = self.beam.length
-            arm = s * along if abs(s) > 1e-9 * length else np.zeros(3)
+            if (curve := self.beam.curve) is not None:
+                arm = in_space(curve.nearest(wanted[: self.dim])[0]) - self.start[node]
+            else:
+                along = in_space(self.beam.along)
+                arm = float((wanted - self.start[node]) @ along) * along
+            if np.linalg.norm(arm) <= 1e-9 * self.beam.length:
+                arm = np.zeros(3)
             key = node, tuple(arm.tolist())
             if key not in keys:
                 keys.append(key)
@@ -171,7 +174,8 @@ class FlexibleBeam(FewBodies):
             rows[k, :, node] = carried(np.array(held))
             places.append(self.start[node] + np.array(held))
         rows = rows.reshape(len(keys), 6, -1)[..., self.moves.ravel()]
-        rates = self.freely(np.hstack([self.ahead[0], self.ahead[1] @ self.turns[0].T]))
+        spins = np.einsum("nij,nj->ni", self.turns, self.ahead[1])
+        rates = self.freely(np.hstack([self.ahead[0], spins]))
         answers = np.linalg.solve(self.mass, rows.reshape(-1, rows.shape[-1]).T)
         names = (self.names[0],) * len(keys)
         return Stations.along(tuple(of), names, np.array(places), rows, answers, rates)
@@ -189,8 +193,9 @@ class FlexibleBeam(FewBodies):
     @cached_property
     def mass(self) -> Floats:
         """Of what is free, turns in space, at t = 0, (d, d)."""
-        frame, whole = self.turns[0], np.zeros((self.nodes, 6, self.nodes, 6))
-        for k, (own, spun) in enumerate(zip(self.node_mass, self.inertia, strict=True)):
+        whole = np.zeros((self.nodes, 6, self.nodes, 6))
+        each = zip(self.turns, self.node_mass, self.inertia, strict=True)
+        for k, (frame, own, spun) in enumerate(each):
             whole[k, :3, k, :3] = own * np.eye(3)
             whole[k, 3:, k, 3:] = (frame * spun) @ frame.T
         free = np.flatnonzero(self.moves.ravel())
@@ -210,14 +215,14 @@ def flexible_beam(beam: Beam) -> FlexibleBeam:
     count, dim = beam.elements + 1, beam.dim
     s = np.linspace(-0.5 * beam.length, 0.5 * beam.length, count)
     h, weights = beam.length / beam.elements, end_weights(count)
-    start = np.asarray(beam.center, dtype=np.float64) + s[:, None] * beam.along
-    frame = np.eye(3)
-    frame[:dim, :dim] = beam.frame.T
+    start, turns = beam.node_places, beam.node_frames
     sections = beam.density * h * weights
     high, wide = beam.second_moment, beam.height * beam.width**3 / 12.0
     moves, springs = _free(beam)
-    elements, sides = _elements(beam, h, (wide, high))
-    mass, ahead = beam.area * sections, _ahead(beam, s, frame, moves)
+    elements, sides = _elements(beam, h, (wide, high), start, turns)
+    mass = beam.area * sections
+    centre = np.asarray(beam.center) if beam.curve is None else mass @ start / mass.sum()
+    ahead = _ahead(beam, start - centre, turns, moves)
     ends = np.zeros(count, dtype=bool)
     ends[[0, -1]] = True
     still = [(count - 1) * ENDS.index(support.end) for support in beam.jointed_ends]
@@ -227,7 +232,7 @@ def flexible_beam(beam: Beam) -> FlexibleBeam:
     return FlexibleBeam(
         names=(beam.name,),
         masses=(beam.mass,),
-        centers=np.array([beam.center], dtype=np.float64),
+        centers=np.array([centre], dtype=np.float64),
         speeds=(mass @ ahead[0][:, :dim])[None] / beam.mass,
         inertias=(0.0,),  # sums tell how it turns
         angles=(beam.inclination,),
@@ -250,7 +255,7 @@ def flexible_beam(beam: Beam) -> FlexibleBeam:
         inertia=sections[:, None] * np.array([high + wide, wide, high]),
         moves=moves,
         springs=springs,
-        turns=np.tile(frame, (count, 1, 1)),
+        turns=turns,
         loads=_loads(beam, s, h * weights),
         ahead=ahead,
     )
@@ -272,34 +277,50 @@ def _free(beam: Beam) -> tuple[Booleans, Floats]:
     return moves, springs
 
 
-def _elements(beam: Beam, h: float, moments: tuple[float, float]) -> tuple[Floats, Integers]:
+def _elements(
+    beam: Beam, h: float, moments: tuple[float, float], start: Floats, turns: Floats
+) -> tuple[Floats, Integers]:
     """Its elements, then springs that hold turns of its ends, and their nodes.
 
-    Moments are those of area about the height and the width [m^4].
+    Args:
+        beam: It.
+        h: Length of an element [m].
+        moments: Of area about the height and the width [m^4].
+        start: Nodes at t = 0 [m], (nodes, dim).
+        turns: Their frames, (nodes, 3, 3).
     """
     modulus, last = beam.youngs_modulus, beam.elements
     shear = 0.5 * modulus / (1.0 + beam.poisson_ratio)
     twist = shear * torsion_constant(beam.height, beam.width)
     stiff, bows = _shears(beam, h)
     bent = modulus * np.array(moments)
-    own = np.concatenate([in_space(beam.along), [h], stiff, [twist], bent, bows])
-    rows, sides = [own] * last, [(k, k + 1) for k in range(last)]
+    own = np.concatenate([in_space(beam.along), [h], stiff, [twist], bent, bows, np.zeros(6)])
+    rows, sides = np.tile(own, (last, 1)), [(k, k + 1) for k in range(last)]
+    if beam.curve is not None:
+        rows[:, : beam.dim] = np.diff(start, axis=0) / h
+        states, still = np.empty((last, 8)), np.zeros((len(start), 3))
+        unstrained, _ = looked(rows, np.array(sides), still, turns, turns, states)
+        rows[:, 13:16], rows[:, 16:] = unstrained[:, :3], h * unstrained[:, 3:]
     for support in beam.supports:
         if support.rotational_stiffness:
             held = np.zeros(len(own))
             held[3], held[7:10] = 1.0, support.rotational_stiffness
-            rows.append(held)
+            rows = np.vstack([rows, held])
             sides.append((-1, last * ENDS.index(support.end)))
-    return np.array(rows), np.array(sides)
+    return rows, np.array(sides)
 
 
-def _ahead(beam: Beam, s: Floats, frame: Floats, moves: Booleans) -> tuple[Floats, Floats]:
-    """Velocities of its nodes at t = 0, and spins along their axes, (nodes, 3) each."""
+def _ahead(beam: Beam, away: Floats, turns: Floats, moves: Booleans) -> tuple[Floats, Floats]:
+    """Velocities of its nodes at t = 0, and spins along their axes, (nodes, 3) each.
+
+    Nodes are so far away from its centre, (nodes, dim), with these frames.
+    """
     dim, spin = beam.dim, np.zeros(3)
     spin[6 - 2 * dim :] = beam.rates[dim:]
-    arms = s[:, None] * in_space(beam.along)
+    arms = np.zeros((len(away), 3))
+    arms[:, :dim] = away
     speed = in_space(beam.rates[:dim]) + np.cross(spin, arms)
-    spins = np.tile(spin @ frame, (len(s), 1))
+    spins = np.einsum("i,nij->nj", spin, turns)
     for (end, moving), support in zip(beam.end_speeds(), beam.moved_ends, strict=True):
         node = beam.elements * ENDS.index(end)
         speed[node, :dim] = moving
@@ -330,6 +351,7 @@ def _loads(beam: Beam, s: Floats, weights: Floats) -> BeamLoad | None:
     nodes, each = np.arange(count), np.eye(6 * count).reshape(count, 6, -1)
     shapes = np.zeros((len(loads), count, 6 * count))
     for own, (along, _) in zip(shapes, loads, strict=True):
-        own[:] = np.einsum("k,nkd->nd", along, each[nodes, : beam.dim])
+        across = np.broadcast_to(along, (count, beam.dim))
+        own[:] = np.einsum("nk,nkd->nd", across, each[nodes, : beam.dim])
     ends = tuple((formula, each[(count - 1) * end, row]) for end, row, formula in pushes)
     return BeamLoad(tuple(formula for _, formula in loads), s - s[0], shapes, weights, ends)

@@ -244,7 +244,8 @@ def _point(scene: Scene, point: Any) -> str:
 
 
 def _slender_state(body: Any) -> str:
-    text = f"its centre at {vector(body.center, 'm')}"
+    place = body.middle.tolist() if getattr(body, "centerline", None) else body.center
+    text = f"its centre at {vector(place, 'm')}"
     if body.inclination:
         degrees = number(math.degrees(body.inclination), 4)
         text += f", inclined by {quantity(body.inclination, 'rad')} ({degrees}°)"
@@ -264,7 +265,9 @@ def _rod(_: Scene, rod: Any) -> str:
 
 
 def _beam_axis(beam: Any) -> str:
-    """Where a beam in space lies."""
+    """Where a beam in space lies, and how a curved one does."""
+    if beam.centerline is not None:
+        return f"its axis at rest along {formulas(beam.centerline, 'm')} for s from 0 to 1; "
     if not beam.in_space:
         return ""
     along, _, wide = beam.frame.round(12).tolist()
