@@ -1,14 +1,19 @@
 """Layers of masses and springs: the midpoint rule with a discrete gradient for each spring.
 
-    m (v_b - v_a) = dt (m g + sum s d + F),   d = (d_a + d_b) / 2,   q_b = q_a + dt (v_a + v_b) / 2,
-    s = k (1 - 2 L / (|d_a| + |d_b|)),
+    m (v_b - v_a) = dt (m g + sum s d + F - a m (v_a + v_b) / 2),   d = (d_a + d_b) / 2,
+    s = k (1 - 2 L / S + 2 b (|d_b| - |d_a|) / (dt S)),   S = |d_a| + |d_b|,
+    q_b = q_a + dt (v_a + v_b) / 2,
 
-d_a and d_b the way from end to end of a spring of length L at both ends of the layer. Its work is
-the change of k (|d| - L)^2 / 2, and its force lies along d, so that energy, momentum and angular
-momentum stay to rounding. Source: Simo and Gonzalez, Assessment of energy-momentum and symplectic
+d_a and d_b the way from end to end of a spring of length L at both ends of the layer, a and b the
+damping by mass and stiffness. The work of a spring is the change of k (|d| - L)^2 / 2, and its
+force lies along d, so that without damping energy, momentum and angular momentum stay to rounding;
+dampers take b k (|d_b| - |d_a|)^2 / dt. Masses that supports move are where these are at both ends.
+ Source: Simo and Gonzalez, Assessment of energy-momentum and symplectic
 schemes for stiff dynamical systems (ASME 93-WA/PVP-4, 1993).
 """
 
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -23,6 +28,7 @@ from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import Sums
 from impactfem.marching.meshless import step_length
+from impactfem.marching.net_start import NetAtRest
 from impactfem.marching.stations import Held
 from impactfem.scene import PiecewiseVector
 from impactfem.system.net import Net
@@ -48,8 +54,14 @@ class NetMidpoint(FewInterior):
     def __init__(self, bodies: Net, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
         """Begin at t = 0; see `FewInterior`."""
         super().__init__(bodies, gravity, dt, counts=counts)
-        self.span = dt
+        self.span, self._time = dt, 0.0
         nodes, dim = self._start.shape
+        # Displacements and velocities of moved masses now and at the end of the layer.
+        self._led: tuple[Floats, Floats] | None = bodies.leading(0.0) if bodies.led else None
+        self._led_ahead = self._led
+        self._struck = np.zeros((nodes, dim))  # impulses on these in the layer
+        if bodies.led:
+            self.bodies = replace(bodies, places=self._with_led_places(bodies.places))
         mesh = bodies.mesh
         self._number = np.full((nodes, dim), -1)
         self._number[bodies.free] = np.arange(len(self._q)).reshape(-1, dim)
@@ -66,7 +78,8 @@ class NetMidpoint(FewInterior):
         stiffest = np.zeros(nodes)
         np.add.at(stiffest, mesh.edges, mesh.stiffness[:, None])
         extent = float(np.abs(self._start).max()) + float(mesh.lengths.max())
-        self._rounding = dt * extent * float((stiffest / bodies.node_mass).max())  # [m/s], by eps
+        slow = dt + bodies.damping[1]
+        self._rounding = slow * extent * float((stiffest / bodies.node_mass).max())  # [m/s], by eps
         self._pushed = self._joined = self._kick = np.zeros_like(self._v)
         self._tips: FollowedTips | None = None
         self._begun = self._amid = cast("Floats | None", None)  # rows of the tips
@@ -80,41 +93,93 @@ class NetMidpoint(FewInterior):
 
     def _prepare(self, ahead: Floats) -> None:
         """Factor the tangent of a layer that ends with these velocities."""
-        (_, begin), (ways, end) = (
-            self._ways(self.bodies.places(q)) for q in (self._q, self._end(ahead))
-        )
-        pull = self._springs * (1.0 - 2.0 * self._lengths / (begin + end))
-        stretch = self._springs * 2.0 * self._lengths / (begin + end) ** 2
-        middle, _ = self._ways(self.bodies.places(0.5 * (self._q + self._end(ahead))))
+        (before, begin), (ways, end) = self._ends(ahead)
+        lag = 2.0 * self.bodies.damping[1] / self.span
+        pull = self._shares(begin, end)
+        stretch = self._springs * 2.0 * (self._lengths + lag * begin) / (begin + end) ** 2
+        middle = 0.5 * (before + ways)
         each = 0.5 * pull[:, None, None] * np.eye(ways.shape[1])
         each = each + (stretch / end)[:, None, None] * np.einsum("ei,ej->eij", middle, ways)
+        braked = (1.0 + 0.5 * self.span * self.bodies.damping[0]) * self._mass
+        self._factor = splu((diags(braked) + 0.5 * self.span**2 * self._assembled(each)).tocsc())
+
+    def _assembled(self, each: Floats) -> coo_matrix:
+        """Matrix in the coordinates by that of each spring (springs, dim, dim), (d, d)."""
         entries, rows, columns = [], [], []
         for row, column, sign in self._pattern:
             kept = (row >= 0) & (column >= 0)
             entries.append(sign * each.ravel()[kept])
             rows.append(row[kept])
             columns.append(column[kept])
-        size = len(self._q)
-        stiffness = coo_matrix(
-            (np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))),
-            shape=(size, size),
-        )
-        matrix = diags(self._mass) + 0.5 * self.span**2 * stiffness
-        self._factor = splu(matrix.tocsc())
+        place = np.concatenate(rows), np.concatenate(columns)
+        return coo_matrix((np.concatenate(entries), place), shape=(len(self._q),) * 2)
+
+    def stiffness_at(self, q: Floats) -> coo_matrix:
+        """Of the springs at some coordinates [N/m], (d, d)."""
+        ways, long = self._ways(self.bodies.places(q))
+        along = self._springs * self._lengths / long**3
+        each = (self._springs - along * long**2)[:, None, None] * np.eye(ways.shape[1])
+        return self._assembled(each + along[:, None, None] * np.einsum("ei,ej->eij", ways, ways))
+
+    def unbalanced_at(self, q: Floats) -> Floats:
+        """Gravity and forces of the springs at t = 0 at some coordinates [N], (d,)."""
+        ways, long = self._ways(self.bodies.places(q))
+        pulled = self._gathered((self._springs * (1.0 - self._lengths / long))[:, None] * ways)
+        weight = np.tile(self.gravity(0.0, 0.0), len(self.bodies.free))
+        return np.asarray(pulled[self.bodies.free].ravel() + self._mass * weight)
+
+    def displaced(self, q: Floats) -> Floats:
+        """Displacements of the contact nodes with some coordinates [m], (count, dim)."""
+        return self.bodies.places(q) - self._start
+
+    def at_rest(self) -> NetAtRest:
+        """It as the search for equilibrium asks it."""
+        return NetAtRest(self)
+
+    def put(self, q: Floats) -> None:
+        """Begin at some coordinates."""
+        self._q = q
+        self._prepare(self._v)
 
     def _end(self, ahead: Floats) -> Floats:
         return np.asarray(self._q + 0.5 * self.span * (self._v + ahead))
 
+    def _after(self, ahead: Floats) -> Floats:
+        """Places of all nodes at the end of the layer [m], (nodes, dim)."""
+        places = self.bodies.places(self._end(ahead))
+        if self._led is not None and self._led_ahead is not None:
+            places += self._led_ahead[0] - self._led[0]
+        return places
+
+    def _ends(self, ahead: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+        """Ways and lengths of the springs at both ends of the layer."""
+        return self._ways(self.bodies.places(self._q)), self._ways(self._after(ahead))
+
+    def _shares(self, begin: Floats, end: Floats) -> Floats:
+        """Forces of springs and dampers by their ways amid the layer [N/m], (springs,)."""
+        lag = 2.0 * self.bodies.damping[1] / self.span
+        longer = lag * (end - begin) if lag else 0.0
+        shares = self._springs * (1.0 - (2.0 * self._lengths - longer) / (begin + end))
+        return np.asarray(shares)
+
+    def _gathered(self, forces: Floats) -> Floats:
+        """Forces on the nodes by those along the springs (springs, dim), (nodes, dim)."""
+        found = np.zeros_like(self._start)
+        np.add.at(found, self._one, forces)
+        np.add.at(found, self._two, -forces)
+        return found
+
+    def _pulled(self, ahead: Floats) -> Floats:
+        """Forces of springs and dampers in the layer on all nodes, (nodes, dim)."""
+        (before, begin), (after, end) = self._ends(ahead)
+        return self._gathered(self._shares(begin, end)[:, None] * (0.5 * (before + after)))
+
     def _pull(self, ahead: Floats) -> Floats:
-        """Forces of the springs in the layer, (d,)."""
-        before, after = self.bodies.places(self._q), self.bodies.places(self._end(ahead))
-        (_, begin), (_, end) = self._ways(before), self._ways(after)
-        middle, _ = self._ways(0.5 * (before + after))
-        force = (self._springs * (1.0 - 2.0 * self._lengths / (begin + end)))[:, None] * middle
-        found = np.zeros_like(before)
-        np.add.at(found, self._one, force)
-        np.add.at(found, self._two, -force)
-        return found[self.bodies.free].ravel()
+        """The same on the coordinates, and what brakes masses, (d,)."""
+        found = self._pulled(ahead)[self.bodies.free].ravel()
+        if rate := self.bodies.damping[0]:
+            found = found - 0.5 * rate * self._mass * (self._v + ahead)
+        return found
 
     def _settle(self, ahead: Floats) -> Floats:
         """Velocities at the end of the layer, by Newton's method with a tangent that is kept."""
@@ -142,9 +207,28 @@ class NetMidpoint(FewInterior):
     @property
     def surface_velocity(self) -> Floats:
         """Of the contact nodes [m/s], (count, dim)."""
-        return self._spread(self._v)
+        return self._with_led(self.spread(self._v), self._led)
 
-    def _spread(self, values: Floats) -> Floats:
+    @staticmethod
+    def _with_led(speeds: Floats, led: tuple[Floats, Floats] | None) -> Floats:
+        """Velocities of all nodes, moved ones among them."""
+        return speeds if led is None else speeds + led[1]
+
+    def _with_led_places(self, places: Callable[[Floats], Floats]) -> Callable[[Floats], Floats]:
+        """Places of all nodes, moved ones where they are now."""
+
+        def moved(q: Floats) -> Floats:
+            found = places(q)
+            return found if self._led is None else found + self._led[0]
+
+        return moved
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim)."""
+        found = super().predicted(start, end)
+        return found if self._led is None else found + (end - start) * self._led[1]
+
+    def spread(self, values: Floats) -> Floats:
         """Values of free coordinates (..., d) at all nodes (..., nodes, dim), 0 where held."""
         found = np.zeros((*values.shape[:-1], *self._start.shape))
         found[..., self.bodies.free, :] = values.reshape(
@@ -154,7 +238,7 @@ class NetMidpoint(FewInterior):
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
         """Velocities of the contact nodes at both ends of the layer without contact forces."""
-        return self._spread(self._v), self._spread(self._ahead)
+        return self.surface_velocity, self._with_led(self.spread(self._ahead), self._led_ahead)
 
     def begin(self, start: float, end: float) -> None:
         """Solve the layer without forces of contact and joints."""
@@ -163,6 +247,8 @@ class NetMidpoint(FewInterior):
         self._weight = self._mass * np.tile(self.gravity(start, end), len(self._q) // dim)
         self._pushed = self._joined = self._kick = np.zeros_like(self._v)
         self._begun = None
+        if self._led is not None:
+            self._led_ahead, self._struck = self.bodies.leading(end), np.zeros_like(self._start)
         self._prepare(self._v)
         self._ahead = self._settle(self._v)
 
@@ -241,7 +327,7 @@ class NetMidpoint(FewInterior):
     def carried(self, impulses: Floats) -> Floats:
         """Velocities of the contact nodes by impulses on the tips, (several, count, dim)."""
         pushed = np.ascontiguousarray((impulses @ self._rows_amid).T)
-        return self._spread(self._factor.solve(pushed).T)
+        return self.spread(self._factor.solve(pushed).T)
 
     def _on_free(self, forces: Floats) -> Floats:
         """Forces (several, count, dim) on free coordinates, (several, d)."""
@@ -250,12 +336,12 @@ class NetMidpoint(FewInterior):
     @property
     def surface_iterate(self) -> Floats:
         """Displacements of the nodes at the end of the layer, as it is solved now [m]."""
-        return self.bodies.places(self._end(self._ahead)) - self._start
+        return self._after(self._ahead) - self._start
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Displacements of the contact nodes by several forces; nothing is massless."""
         moved = 0.5 * self.span**2 * self._factor.solve(self._on_free(forces).T).T
-        return self._spread(moved), np.zeros_like(forces)
+        return self.spread(moved), np.zeros_like(forces)
 
     answers = columns
 
@@ -266,12 +352,13 @@ class NetMidpoint(FewInterior):
     def strike(self, forces: Floats) -> None:
         """The same."""
         more = self.span * forces[self.bodies.free].ravel()
-        self._pushed = self._pushed + more
+        self._pushed, self._struck = self._pushed + more, self._struck + self.span * forces
         self._ahead = self._settle(self._ahead + self._factor.solve(more))
 
     def lay(self, forces: Floats) -> None:
         """Put the contact forces of the step (count, dim), to be solved for."""
         self._pushed = self.span * forces[self.bodies.free].ravel()
+        self._struck = self.span * forces
 
     def settle(self) -> None:
         """Solve for the velocities at the end of the step, with what has pushed so far."""
@@ -297,10 +384,35 @@ class NetMidpoint(FewInterior):
         return _STALLED * _SETTLED * size
 
     def advance(self) -> float:
-        """End the step at what was found; no loads work."""
+        """End the step at what was found; the work of supports that move [J]."""
+        work = self._lead()
         self._q, self._v = self._end(self._ahead), self._ahead + self._kick
+        if self._led_ahead is not None:
+            self._led = self._led_ahead
         self._begun = None
-        return 0.0
+        return work
+
+    def _lead(self) -> float:
+        """Work of supports on the masses that they move [J]: what these gain, less other forces."""
+        if self._led is None or self._led_ahead is None:
+            return 0.0
+        (here, speed), (there, later) = self._led, self._led_ahead
+        mass, way, span = self.bodies.node_mass, there - here, self.span
+        gained = 0.5 * float(mass @ (later**2 - speed**2).sum(axis=1))
+        weight = mass[:, None] * (self._weight[: way.shape[1]] / self._mass[: way.shape[1]])
+        other = self._pulled(self._ahead) + weight + self._struck / span
+        return gained - float((other * way).sum())
+
+    def memory(self) -> dict[str, Floats]:
+        """Coordinates, their rates, and where supports are."""
+        led = {} if self._led is None else {"led": np.array(self._led)}
+        return super().memory() | led
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        super().remember(memory)
+        if self._led is not None:
+            self._led = self._led_ahead = memory["led"][0].copy(), memory["led"][1].copy()
 
     def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
@@ -316,14 +428,17 @@ class NetMidpoint(FewInterior):
         centre = self.bodies.node_mass @ places / self.bodies.masses[0]
         return np.array(unit_spins(places - centre))
 
-    def summed(self, work: float) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
-        """Sums now."""
+    def summed(self, work: float) -> list[Sums]:
+        """Sums now, with the work of supports since the last ones [J]."""
         bodies, mass, dim = self.bodies, self.bodies.node_mass, self.bodies.dim
         turns = dim * (dim - 1) // 2
         if not self.counts:
             none = np.zeros(dim)
             return [Sums(0.0, 0.0, 0.0, none, none, np.zeros(turns), np.zeros(2 * dim * dim))]
-        places, speed = bodies.places(self._q), self._spread(self._v)
+        places, speed = bodies.places(self._q), self.surface_velocity
+        kinetic = 0.5 * float(self._mass @ self._v**2)
+        if self._led is not None:
+            kinetic += 0.5 * float(mass @ (self._led[1] ** 2).sum(axis=1))
         momentum, moved = mass @ speed, mass @ (places - self._start)
         arms = places - mass @ places / bodies.masses[0]
         spin = np.einsum("tnd,nd,n->t", self.spins(), speed, mass)
@@ -331,7 +446,7 @@ class NetMidpoint(FewInterior):
         fit, second = (mass * arms.T) @ rest, (mass * arms.T) @ arms
         return [
             Sums(
-                0.5 * float(self._mass @ self._v**2), bodies.elastic(places), 0.0, momentum, moved,
-                spin, np.concatenate([fit.ravel(), second.ravel()]),
+                kinetic, bodies.elastic(places), work, momentum, moved, spin,
+                np.concatenate([fit.ravel(), second.ravel()]),
             )
         ]  # fmt: skip

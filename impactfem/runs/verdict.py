@@ -152,7 +152,7 @@ def _finer(scene: Scene, word: str) -> str:
 
 def _takes_energy(body: Any) -> bool:
     """Whether a body takes energy itself."""
-    names = "rayleigh_mass", "rayleigh_stiffness", "retardation", "quality_factor"
+    names = "rayleigh_mass", "rayleigh_stiffness", "retardation", "quality_factor", "damping_ratio"
     rates = (getattr(body, name, None) or 0.0 for name in names)
     springs = (spring.damping for spring in getattr(body, "springs", ()))
     loads = (*(getattr(body, "force", None) or ()), *(getattr(body, "moment", None) or ()))

@@ -12,9 +12,10 @@ from impactfem.arrays import Floats
 from impactfem.scene.beam_loads import EndLoad
 from impactfem.scene.beam_supports import ENDS, BeamSupport, check_supports, first_root
 from impactfem.scene.body import JOINED, BodyKind, Solver
+from impactfem.scene.damping import QUALITY, Damping, fill_damping, filled_keys, rayleigh_of
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
-from impactfem.scene.given import FormulaOrSome, MaybeFormulas, Tables
+from impactfem.scene.given import FormulaOrSome, MaybeFormulas, MaybeTable, Tables
 from impactfem.scene.inline import (
     FormulaOrFormulas,
     Formulas,
@@ -200,11 +201,16 @@ class Beam(Slender):
         default=None,
         absent="0",
     )
-    quality_factor: float | None = key(
-        Real(above=0), "of the first bending mode: its energy over what it loses in a radian; by "
-        "the mass, of a beam that nothing holds by the stiffness",
-        default=None, absent="none",
-    )  # fmt: skip
+    quality_factor: float | None = key(Real(above=0), QUALITY, default=None, absent="none")
+    rayleigh_mass: float = key(
+        Real(at_least=0), "damping by the mass: speeds fall at this rate", unit="1/s", default=0.0
+    )
+    rayleigh_stiffness: float = key(
+        Real(at_least=0), "damping by the stiffness", unit="s", default=0.0
+    )
+    damping: MaybeTable[Damping] = key(
+        InlineTable((Damping,)), "the same in one table", default=None, absent="none"
+    )
     rayleigh: Sequence[float] | None = key(
         Vector((2,)),
         "alpha [1/s] and beta [s] of the damping C = alpha M + beta K; alpha brakes the fall too",
@@ -513,11 +519,12 @@ class Beam(Slender):
         """(alpha [1/s], beta [s]) of C = alpha M + beta K."""
         if self.rayleigh is not None:
             return self.rayleigh[0], self.rayleigh[1]
-        if self.quality_factor is not None:
-            if self.supports:
-                return self.first_frequency / self.quality_factor, 0.0
-            return 0.0, 1.0 / (self.first_frequency * self.quality_factor)
-        return 0.0, 2.0 * (self.damping_ratio or 0.0) / self.first_frequency
+        return rayleigh_of(self, self.first_frequency, held=bool(self.supports))
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Keys that follow from others: scene files leave them out."""
+        return filled_keys(self)
 
     def _check_dimension(self) -> None:
         """Refuse keys of the plane in space, and of space in the plane."""
@@ -593,14 +600,13 @@ class Beam(Slender):
                 )
 
     def _check_damping(self) -> None:
-        given = [n for n in ("rayleigh", "quality_factor", "damping_ratio") if getattr(self, n)]
-        if len(given) > 1:
-            value = getattr(self, given[0])
-            shown = show(list(value) if isinstance(value, tuple) else value)
-            text = f" = {shown} contradicts {given[1]}: remove one of them."
-            raise KeyedError(self.kind, given[0], text)
+        fill_damping(self)
         if self.rayleigh is None:
             return
+        names = "quality_factor", "damping_ratio", "rayleigh_mass", "rayleigh_stiffness"
+        if other := next((name for name in names if getattr(self, name)), ""):
+            text = f" = {show(list(self.rayleigh))} contradicts {other}: remove one of them."
+            raise KeyedError(self.kind, "rayleigh", text)
         if min(self.rayleigh) < 0:
             text = f" = {show(list(self.rayleigh))} feeds energy: give numbers >= 0."
             raise KeyedError(self.kind, "rayleigh", text)

@@ -58,6 +58,7 @@ class BodyKind:
         joined_whole, joined_by_surface: Whether joints name it, and a part of it (`arm/hand`).
         parts_in_joints: What these are.
         tied: Whether ties hold it.
+        damped_by_modes: Whether each of its first modes may have a damping of its own.
         attached: Whether another body carries it, so that it meets nothing.
         has_centre: Whether springs act on its centre where they name no place.
         sprung_inside: Whether springs act on any place in it.
@@ -93,6 +94,7 @@ class BodyKind:
     has_centre: ClassVar[bool] = False
     tied: ClassVar[bool] = False
     attached: ClassVar[bool] = False
+    damped_by_modes: ClassVar[bool] = False
     parts_in_joints: ClassVar[str] = "links"
     whole_side: ClassVar[tuple[str, ...] | None] = None
     mesh: str | None = None

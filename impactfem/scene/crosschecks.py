@@ -180,13 +180,15 @@ def _check_bodies(scene: Content) -> None:
 
 def _check_marched(scene: Content) -> None:
     places = {body.name: f"body[{index}]" for index, body in enumerate(scene.bodies)}
-    for solid in scene.solids:
-        for index, support in enumerate(solid.supports):
-            key = f"supports[{index}].value"
+    for body in scene.bodies:
+        for index, support in enumerate(getattr(body, "supports", ())):
+            if (given := getattr(support, "value", None)) is None:
+                continue
             # A displacement that is given may be that of a body that fits its supports.
-            begins = not scene.starts_at_rest and all(u.plain == 0.0 for u in solid.displacement)
-            given = support.value or ()
-            check_motion(places[solid.name], key, given, scene.duration, from_zero=begins)
+            fitted = any(u.plain != 0.0 for u in getattr(body, "displacement", ()))
+            begins = not (scene.starts_at_rest or fitted)
+            key = f"supports[{index}].value"
+            check_motion(places[body.name], key, given, scene.duration, from_zero=begins)
     check_finite(scene)
     check_relaxing(scene)
     _check_residual(scene)

@@ -89,7 +89,9 @@ def _refuse_damping(place: int, solid: Solid, remedy: str) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    given: dict[str, float | None] = {"rayleigh_stiffness": solid.retardation}
+    given: dict[str, float | None] = {
+        "rayleigh_stiffness": solid.retardation, "damping_ratio": solid.damping_ratio,
+    }  # fmt: skip
     if not solid.supports:  # what nothing holds
         given["quality_factor"] = solid.quality_factor
     for name, value in given.items():

@@ -91,7 +91,7 @@ def solids_of(solid: "Solid") -> Mapping[str, "Solid"]:
         if material.viscoelastic is not None:
             left["rayleigh_stiffness"] = 0.0  # that of the body is not meant either
         try:
-            found[name] = replace(solid, materials={}, strain=strain, **(left | own))
+            found[name] = replace(solid, materials={}, strain=strain, damping=None, **(left | own))
         except KeyedError as error:
             if error.key not in given:
                 raise

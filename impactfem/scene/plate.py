@@ -10,6 +10,7 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.scene.body import BodyKind, Solver
+from impactfem.scene.damping import MOST_RATIOS, QUALITY, Damping, fill_damping, filled_keys
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import AFormula, Given, MaybeFormula, MaybeTable, Tables
@@ -22,7 +23,6 @@ from impactfem.scene.plate_keys import (
     FacePressure,
     Layer,
     Orthotropic,
-    check_damping,
     check_moduli,
     ply_of,
 )
@@ -39,7 +39,6 @@ MEMBRANES = {"none": False, "von_karman": True}
 """Whether the middle stretches, by moderate rotations."""
 _THICK = {None: 0.2, THIN: 0.1, SHEARING: 0.2}
 """Thickness by the least width from which on a theory is refused."""
-MOST_RATIOS = 100
 _COUPLED = 1e-6  # share of the bending stiffness from which on layers stretch as they bend
 _SHEARS = 0.05  # the same from which on shear counts, unless theory says so
 
@@ -66,6 +65,7 @@ class Plate(BodyKind):
     meshed: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
     parts_in_joints: ClassVar[str] = "regions"
+    damped_by_modes: ClassVar[bool] = True
     mesh_dim: ClassVar[int] = 2
 
     name: str = key(Name(), "name of the plate in histories", default="plate")
@@ -130,11 +130,10 @@ class Plate(BodyKind):
         "beyond are damped by the stiffness, at the last ratio where the list ends",
         default=None, absent="0",
     )  # fmt: skip
-    quality_factor: float | None = key(
-        Real(above=0), "of the first mode of vibration: its energy over what it loses in a radian; "
-        "by the mass, of a plate that nothing holds by the stiffness",
-        default=None, absent="none",
-    )  # fmt: skip
+    quality_factor: float | None = key(Real(above=0), QUALITY, default=None, absent="none")
+    damping: MaybeTable[Damping] = key(
+        InlineTable((Damping,)), "the same in one table", default=None, absent="none"
+    )
     theory: str | None = key(
         Choice(tuple(THEORIES)), "thin, or thick with shear and rotary inertia",
         default=None, absent="with shear from a twentieth of the width, but beside balls",
@@ -168,7 +167,7 @@ class Plate(BodyKind):
     def _check(self) -> None:
         self._check_material()
         self._check_membrane()
-        check_damping(self, self.kind)
+        fill_damping(self)
         if (self.outline is None) == (self.mesh is None):
             given = "neither is" if self.mesh is None else "both are"
             raise KeyedError(self.kind, "outline", f": {given} given; give outline, or mesh.")
@@ -307,6 +306,11 @@ class Plate(BodyKind):
     def pressed_by(self, bodies: Sequence[Any]) -> list[str]:
         """Names of bodies that press on single places."""
         return [body.name for body in bodies if not body.has_surface]
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Keys that follow from others: scene files leave them out."""
+        return filled_keys(self)
 
     @property
     def rayleigh_damping(self) -> tuple[float, ...]:

@@ -113,20 +113,6 @@ def check_moduli(owner: Any, where: str) -> None:
             raise KeyedError(where, name, text)
 
 
-def check_damping(owner: Any, where: str) -> None:
-    """Refuse damping that is given twice.
-
-    Raises:
-        KeyedError: naming the key.
-    """
-    names = ("rayleigh_mass", "rayleigh_stiffness", "quality_factor")
-    for k, name in enumerate(names):
-        for other in ("damping_ratio", names[-1])[: 2 - k // 2]:
-            if (value := getattr(owner, name)) and getattr(owner, other) is not None:
-                text = f" = {value:g} contradicts {other}: remove one of them."
-                raise KeyedError(where, name, text)
-
-
 def ply_of(material: Any, thickness: float, density: float, turned: float = 0.0) -> Ply:
     """A layer of a material that has moduli (`check_moduli`)."""
     if material.orthotropic is not None:

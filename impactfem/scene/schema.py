@@ -327,7 +327,7 @@ def _rank(heading: str) -> int:
     inline = (
         "supports", "tractions", "pressures", "outline", "shape", "refine", "springs",
         "orientation", "rotation", "joints", "place", "soft", "materials", "orthotropic", "layers",
-        "model", "noise", "minimise", "constraints", "cost",
+        "damping", "model", "noise", "minimise", "constraints", "cost",
     )  # fmt: skip
     others = (
         "[[obstacle]]", "[[contact]]", "[[joint]]", "[[spring]]", "[[tie]]", "[[point_mass]]",

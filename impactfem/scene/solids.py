@@ -14,6 +14,7 @@ from impactfem.scene.boundary import (
     Support,
     Traction,
 )
+from impactfem.scene.damping import QUALITY, Damping, fill_damping, filled_keys
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import FormulaLike, Given, MaybeFormulas, MaybeTable, Tables
@@ -252,12 +253,14 @@ class Solid(BodyKind):
     rayleigh_stiffness: float = key(
         Real(at_least=0), "damping by the stiffness matrix", unit="s", default=0.0
     )
-    quality_factor: float | None = key(
-        Real(above=0),
-        "of the first mode of vibration: its energy over what it loses in a radian; by the mass, "
-        "of a body that nothing holds by the stiffness",
-        default=None,
-        absent="none",
+    damping_ratio: float | None = key(
+        Real(at_least=0, below=1),
+        "damping of the first mode of vibration over the critical one, by the stiffness",
+        default=None, absent="none",
+    )  # fmt: skip
+    quality_factor: float | None = key(Real(above=0), QUALITY, default=None, absent="none")
+    damping: MaybeTable[Damping] = key(
+        InlineTable((Damping,)), "the same in one table", default=None, absent="none"
     )
     viscoelastic: MaybeTable[KelvinVoigt | Maxwell] = key(
         InlineTable(tuple(VISCOELASTIC)),
@@ -278,7 +281,8 @@ class Solid(BodyKind):
             object.__setattr__(self, name, value)
         self._fill()
         self._check_residual()
-        if self.viscoelastic or self.quality_factor is not None:
+        fill_damping(self)
+        if self.viscoelastic or self.quality_factor or self.damping_ratio:
             check_viscoelastic(self)
         check_solid(self)
 
@@ -438,7 +442,7 @@ class Solid(BodyKind):
         """Keys that follow from others: scene files leave them out."""
         found = () if self.materials else derived_constants(self)
         retarded = isinstance(self.viscoelastic, KelvinVoigt)
-        return (*found, "rayleigh_stiffness") if retarded else found
+        return (*found, *filled_keys(self), *("rayleigh_stiffness",) * retarded)
 
     @property
     def relaxing(self) -> tuple[tuple[float, float], ...]:

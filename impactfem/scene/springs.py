@@ -8,6 +8,7 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.boundary import Support
+from impactfem.scene.damping import QUALITY, Damping, fill_damping, filled_keys
 from impactfem.scene.given import MaybeTable, Tables
 from impactfem.scene.inline import InlineTable, ListOf, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
@@ -32,6 +33,7 @@ class SpringNet(BodyKind):
     kind: ClassVar[str] = "springs"
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     may_meet_nothing: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
     joined_in_steps: ClassVar[bool] = True
     joined_by_surface: ClassVar[bool] = True
@@ -77,13 +79,32 @@ class SpringNet(BodyKind):
         unit="rad/s", default=None, absent="0",
     )  # fmt: skip
     supports: Tables[Support] = key(
-        ListOf(InlineTable((Support,))), 'surfaces that are held, kind = "fixed"', default=()
+        ListOf(InlineTable((Support,))),
+        'surfaces all masses of which are held, kind = "fixed", or moved, kind = "motion"',
+        default=(),
+    )
+    rayleigh_mass: float = key(
+        Real(at_least=0), "damping by the mass: speeds fall at this rate", unit="1/s", default=0.0
+    )
+    rayleigh_stiffness: float = key(
+        Real(at_least=0), "a damper of so many times its stiffness beside each spring", unit="s",
+        default=0.0,
+    )  # fmt: skip
+    damping_ratio: float | None = key(
+        Real(at_least=0, below=1),
+        "damping of the first mode of vibration over the critical one, by the stiffness",
+        default=None, absent="none",
+    )  # fmt: skip
+    quality_factor: float | None = key(Real(above=0), QUALITY, default=None, absent="none")
+    damping: MaybeTable[Damping] = key(
+        InlineTable((Damping,)), "the same in one table", default=None, absent="none"
     )
 
     def _check(self) -> None:
         if (self.shape is None) == (self.mesh is None):
             given = "neither is" if self.mesh is None else "both are"
             raise KeyedError(self.kind, "shape", f": {given} given; give shape, or mesh.")
+        fill_damping(self)
         if self.shape is not None:
             self._check_shape(self.shape)
         elif self.pattern is not None:
@@ -100,10 +121,18 @@ class SpringNet(BodyKind):
             wanted = "a number" if turns == 1 else "3 numbers"
             text = f" does not fit {self.dim} coordinates: give {wanted}."
             raise self._fail("angular_velocity", text)
+        self._check_supports()
+
+    def _check_supports(self) -> None:
+        """Refuse what holds no masses, and motions along some axes only."""
         for index, support in enumerate(self.supports):
-            if support.moves or support.mirrors:
-                text = f' = {show(support.kind)} is not known of springs: give "fixed".'
+            if support.mirrors:
+                text = f' = {show(support.kind)} is not known of springs: give "fixed" or "motion".'
                 raise KeyedError(self.kind, f"supports[{index}].kind", text)
+            moved = support.value
+            if moved is not None and (len(moved) != self.dim or None in moved):
+                text = f": masses of springs move along all {self.dim} axes; give a formula of each"
+                raise KeyedError(self.kind, f"supports[{index}].value", f"{text}, 0 where none.")
             known = () if self.shape is None else self.shape.surface_names()
             if known and support.surface not in known:
                 text = f" = {show(support.surface)} is no surface: give {' or '.join(known)}."
@@ -126,6 +155,11 @@ class SpringNet(BodyKind):
         value = getattr(self, name)
         shown = show(list(value)) if isinstance(value, tuple) else show(value)
         return KeyedError(self.kind, name, f" = {shown}{text}")
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Keys that follow from others: scene files leave them out."""
+        return filled_keys(self)
 
     @property
     def dim(self) -> int:

@@ -74,16 +74,17 @@ def check_viscoelastic(solid: "Solid") -> None:
         KeyedError: naming the key.
     """
     law = solid.viscoelastic
-    if solid.quality_factor is not None:
+    for own in ("quality_factor", "damping_ratio"):
+        if not (value := getattr(solid, own)):
+            continue
         names = {
-            "rayleigh_mass": solid.rayleigh_mass, "rayleigh_stiffness": solid.rayleigh_stiffness,
             "viscoelastic": isinstance(law, KelvinVoigt),
             "materials": solid.materials and solid.retardation,
         }  # fmt: skip
         other = next((name for name, damps in names.items() if damps), None)
         if other is not None:
-            text = f" = {solid.quality_factor} and {other} both damp the body: remove one."
-            raise KeyedError(solid.kind, "quality_factor", text)
+            text = f" = {value} and {other} both damp the body: remove one."
+            raise KeyedError(solid.kind, own, text)
     if law is None:
         return
     if isinstance(law, KelvinVoigt):

@@ -300,7 +300,7 @@ def stand_ins(nodes: Nodes, solid: Any) -> StandIns:
         return replace(
             solid, materials={}, density=density, youngs_modulus=modulus, poisson_ratio=ratio,
             rayleigh_stiffness=solid.retardation,
-            viscoelastic=None, quality_factor=None,
+            viscoelastic=None, quality_factor=None, damping_ratio=None, damping=None,
             orthotropic=None, material=law, c10=None, c01=None, bulk_modulus=None, terms=(),
             strain="finite" if solid.is_finite else "small",
         )  # fmt: skip

@@ -6,15 +6,20 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix, diags
 
 from impactfem.arrays import Floats, Integers
 from impactfem.errors import MeshError, SceneError
-from impactfem.scene import Scene
+from impactfem.scene import Formula, Scene
 from impactfem.scene.body import beside
+from impactfem.scene.boundary import Support
+from impactfem.scene.damping import by_first_mode, rayleigh_of
+from impactfem.scene.jets import motion_at
 from impactfem.scene.springs import SpringNet
 from impactfem.system.few import FewBodies
 from impactfem.system.link_shapes import named
 from impactfem.system.net_mesh import NetMesh, net_mesh
+from impactfem.system.plate_tones import first_frequency
 from impactfem.system.regions import region, tip
 from impactfem.system.rigid import in_space
 from impactfem.system.stations import Asked, Stations, Tied
@@ -31,11 +36,33 @@ class Net(FewBodies):
         mesh: At rest.
         node_mass: [kg], (nodes,).
         free: Nodes that are not held, (free,).
+        led: Nodes that supports move, and their displacements in t [m] along each axis.
+        damping: By mass [1/s] and by stiffness [s].
     """
 
     mesh: NetMesh
     node_mass: Floats
     free: Integers
+    led: tuple[tuple[Integers, tuple[Formula, ...]], ...] = ()
+    damping: tuple[float, float] = (0.0, 0.0)
+
+    def leading(self, time: float) -> tuple[Floats, Floats]:
+        """Displacements [m] and velocities [m/s] that supports give at a time, (nodes, dim) each.
+
+        Raises:
+            SceneError: One is not finite.
+        """
+        found = np.zeros((2, *self.mesh.points.shape))
+        for nodes, formulas in self.led:
+            for axis, formula in enumerate(formulas):
+                jet = motion_at(formula, time)
+                found[:, nodes, axis] = np.array([[jet.value], [jet.rate]])
+        if not np.isfinite(found).all():
+            raise SceneError(
+                f"body {self.names[0]}: the motion of a support is not finite at t = {time:g} s; "
+                "give a formula that is smooth there"
+            )
+        return found[0], found[1]
 
     @property
     def figured(self) -> Mapping[str, float | list[list[float]]]:
@@ -144,13 +171,19 @@ def net_system(scene: Scene, body: SpringNet) -> Net:
     mesh = net_mesh(body, scene.folder or Path())
     count, dim = mesh.points.shape
     held = np.zeros(count, dtype=bool)
+    led: list[tuple[Integers, tuple[Formula, ...]]] = []
     for support in body.supports:
         if support.surface not in mesh.surfaces:
             raise MeshError(
                 f"body {body.name}: its mesh has no surface {support.surface}; it has "
                 f"{', '.join(mesh.surfaces) or 'none'}"
             )
-        held[mesh.surfaces[support.surface]] = True
+        nodes = mesh.surfaces[support.surface]
+        if support.moves or led:
+            _check_shared(body, support, nodes[held[nodes]])
+        held[nodes] = True
+        if support.value is not None:
+            led.append((nodes, tuple(u for u in support.value if u is not None)))
     free, mass = np.flatnonzero(~held), body.mass * mesh.weights
     if not len(free):
         raise MeshError(f"body {body.name}: its supports hold all of it; remove one")
@@ -190,9 +223,52 @@ def net_system(scene: Scene, body: SpringNet) -> Net:
         mesh=mesh,
         node_mass=mass,
         free=free,
+        led=tuple(led),
+        damping=_damping(body, mesh, mass, free),
     )
     object.__setattr__(found, "words", _in_words(found))
     return found
+
+
+def _check_shared(body: SpringNet, support: Support, shared: Integers) -> None:
+    """Refuse masses that two supports hold, one of which moves."""
+    if len(shared):
+        raise SceneError(
+            f"body {body.name}: its supports hold {len(shared)} masses of {support.surface} twice, "
+            "and one of them moves; give supports that share none"
+        )
+
+
+def _damping(body: SpringNet, mesh: NetMesh, mass: Floats, free: Integers) -> tuple[float, float]:
+    """By mass [1/s] and by stiffness [s].
+
+    Raises:
+        SceneError: They go by its first mode, and it has none.
+    """
+    if not by_first_mode(body):
+        return rayleigh_of(body, 1.0, held=True)
+    dim = mesh.points.shape[1]
+    first = first_frequency(rest_stiffness(mesh, free), np.repeat(mass[free], dim), 3 * dim - 3)
+    if not first > 0.0:
+        raise SceneError(
+            f"body {body.name}: nothing but rigid motions was found, so that damping by its first "
+            "mode says nothing; give damping = { mass, stiffness }"
+        )
+    return rayleigh_of(body, first, held=bool(body.supports))
+
+
+def rest_stiffness(mesh: NetMesh, free: Integers) -> csr_matrix:
+    """Of what is not strained, in the coordinates of free nodes [N/m], (d, d)."""
+    (count, dim), (one, two) = mesh.points.shape, mesh.edges.T
+    ways = (mesh.points[two] - mesh.points[one]) / mesh.lengths[:, None]
+    each = np.broadcast_to(np.arange(dim), (len(one), dim))
+    stretch = coo_matrix(
+        (np.concatenate([-ways, ways]).ravel(),
+         (np.tile(np.repeat(np.arange(len(one)), dim), 2),
+          np.concatenate([dim * one[:, None] + each, dim * two[:, None] + each]).ravel())),
+        shape=(len(one), count * dim),
+    ).tocsc()[:, (dim * free[:, None] + np.arange(dim)).ravel()]  # fmt: skip
+    return csr_matrix(stretch.T @ diags(mesh.stiffness) @ stretch)
 
 
 def _in_words(net: Net) -> str:

@@ -1,4 +1,4 @@
-"""Frequencies and modes of plates, most of whose degrees of freedom have no mass."""
+"""Frequencies and modes of plates, most of whose degrees of freedom have no mass, and of nets."""
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
@@ -61,16 +61,18 @@ def frequencies(stiffness: csr_matrix, mass: Floats, count: int) -> Floats:
     return modes(stiffness, mass, count)[0]
 
 
-def vibrations(stiffness: csr_matrix, mass: Floats, count: int) -> tuple[Floats, Floats]:
-    """The same without rigid motions; fewer if there are no more."""
+def vibrations(
+    stiffness: csr_matrix, mass: Floats, count: int, most_rigid: int = 3
+) -> tuple[Floats, Floats]:
+    """The same without rigid motions, so many at most; fewer if there are no more."""
     most = int((mass > 0.0).sum())
-    found, shapes = modes(stiffness, mass, min(max(_SEEN, count + 3), most))
-    seen = found[:_SEEN]
+    found, shapes = modes(stiffness, mass, min(max(_SEEN, count + most_rigid), most))
+    seen = found[: max(_SEEN, most_rigid + 1)]
     rigid = int((seen**2 <= _RIGID * seen[-1] ** 2).sum()) if len(seen) else 0
     return found[rigid : rigid + count], shapes[:, rigid : rigid + count]
 
 
-def first_frequency(stiffness: csr_matrix, mass: Floats) -> float:
+def first_frequency(stiffness: csr_matrix, mass: Floats, most_rigid: int = 3) -> float:
     """The lowest one of vibrations [rad/s], 0 if there is none."""
-    found, _ = vibrations(stiffness, mass, 1)
+    found, _ = vibrations(stiffness, mass, 1, most_rigid)
     return float(found[0]) if len(found) else 0.0

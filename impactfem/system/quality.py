@@ -11,6 +11,7 @@ from scipy.linalg import eigh
 from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI, PETSc
+from impactfem.scene.damping import by_first_mode, rayleigh_of
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
 from impactfem.system.rigid_modes import RigidModes
@@ -23,21 +24,19 @@ _NONE = 1e-12  # share of the largest below which a direction is none
 
 
 def with_quality(system: ElasticSystem, solid: Any) -> ElasticSystem:
-    """A body with the damping that its quality factor asks for (collective).
+    """A body with the damping that its quality factor or ratio asks for (collective).
 
     By the mass, w / Q, so that all modes lose energy as exp(-w t / Q); a body that may move without
-    strain, which that would brake, by the stiffness, 1 / (w Q).
+    strain, which that would brake, by the stiffness, 1 / (w Q). By a ratio 2 zeta / w likewise.
 
     Raises:
         ConvergenceError: Its first mode is not found.
     """
-    if solid.quality_factor is None:
+    if not by_first_mode(solid):
         return system
     rigid = RigidModes.of(system)
-    first = first_frequency(system, rigid)
-    if rigid.count:
-        return replace(system, rayleigh_stiffness=1.0 / (first * solid.quality_factor))
-    return replace(system, rayleigh_mass=first / solid.quality_factor)
+    mass, stiffness = rayleigh_of(solid, first_frequency(system, rigid), held=not rigid.count)
+    return replace(system, rayleigh_mass=mass, rayleigh_stiffness=stiffness)
 
 
 def first_frequency(system: ElasticSystem, rigid: RigidModes) -> float:
@@ -108,5 +107,6 @@ def first_frequency(system: ElasticSystem, rigid: RigidModes) -> float:
         source.destroy()
         image.destroy()
     raise ConvergenceError(
-        "body.quality_factor: the first mode of vibration is not found; give rayleigh_mass instead"
+        "body.quality_factor or damping_ratio: the first mode of vibration is not found; give "
+        "damping = { mass, stiffness } instead"
     )

@@ -214,6 +214,7 @@ def _damping(body: Any) -> str:
     if quality := getattr(body, "quality_factor", None):
         parts.append(f"a quality factor of {number(quality)} for the first mode")
     if ratios := getattr(body, "damping_ratio", None):
+        ratios = ratios if isinstance(ratios, tuple) else (ratios,)
         shown = " ".join(number(ratio) for ratio in ratios)
         of = f"first {len(ratios)} modes" if len(ratios) > 1 else "first mode"
         parts.append(f"{shown} of the critical one for the {of}, by the stiffness beyond")
