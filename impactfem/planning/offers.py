@@ -8,7 +8,6 @@ from impactfem.planning.mirrors import PAIRS, mirror_axes
 from impactfem.planning.sampling import is_independent, is_zero, of_formulas, turns
 from impactfem.scene import Scene
 from impactfem.scene.boundary import Support
-from impactfem.scene.damping import by_first_mode
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.shapes import Block, Cylinder, Sphere
 from impactfem.scene.solids import Solid
@@ -36,7 +35,13 @@ def offers(scene: Scene) -> dict[str, str]:
 
 def _is_plainly_loaded(solid: Solid) -> bool:
     """Whether nothing but gravity and obstacles acts on a body that does not turn."""
-    damped = solid.rayleigh_mass or solid.retardation or by_first_mode(solid) or solid.relaxing
+    damped = (
+        solid.rayleigh_mass
+        or solid.retardation
+        or solid.quality_factor
+        or solid.damping_ratio
+        or solid.relaxing
+    )
     return not (solid.tractions or solid.pressures or damped or turns(solid))
 
 

@@ -524,7 +524,7 @@ class Beam(Slender):
     @property
     def derived(self) -> tuple[str, ...]:
         """Keys that follow from others: scene files leave them out."""
-        return filled_keys(self)
+        return filled_keys(self) if self.damping else ()
 
     def _check_dimension(self) -> None:
         """Refuse keys of the plane in space, and of space in the plane."""
@@ -600,7 +600,8 @@ class Beam(Slender):
                 )
 
     def _check_damping(self) -> None:
-        fill_damping(self)
+        if self.damping or self.quality_factor or self.damping_ratio:
+            fill_damping(self)
         if self.rayleigh is None:
             return
         names = "quality_factor", "damping_ratio", "rayleigh_mass", "rayleigh_stiffness"

@@ -101,11 +101,6 @@ def _check_damping(owner: Any) -> None:
                 raise KeyedError(owner.kind, name, text)
 
 
-def by_first_mode(body: Any) -> bool:
-    """Whether the damping of a body is told by its first mode."""
-    return bool(body.quality_factor or body.damping_ratio)
-
-
 def rayleigh_of(body: Any, first: float, *, held: bool) -> tuple[float, float]:
     """What C = a M + b K its damping asks for, by its first angular frequency.
 

@@ -167,7 +167,8 @@ class Plate(BodyKind):
     def _check(self) -> None:
         self._check_material()
         self._check_membrane()
-        fill_damping(self)
+        if self.damping or self.quality_factor or self.damping_ratio:
+            fill_damping(self)
         if (self.outline is None) == (self.mesh is None):
             given = "neither is" if self.mesh is None else "both are"
             raise KeyedError(self.kind, "outline", f": {given} given; give outline, or mesh.")
@@ -310,7 +311,7 @@ class Plate(BodyKind):
     @property
     def derived(self) -> tuple[str, ...]:
         """Keys that follow from others: scene files leave them out."""
-        return filled_keys(self)
+        return filled_keys(self) if self.damping else ()
 
     @property
     def rayleigh_damping(self) -> tuple[float, ...]:

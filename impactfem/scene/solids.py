@@ -281,7 +281,8 @@ class Solid(BodyKind):
             object.__setattr__(self, name, value)
         self._fill()
         self._check_residual()
-        fill_damping(self)
+        if self.damping or self.quality_factor or self.damping_ratio:
+            fill_damping(self)
         if self.viscoelastic or self.quality_factor or self.damping_ratio:
             check_viscoelastic(self)
         check_solid(self)
@@ -442,7 +443,8 @@ class Solid(BodyKind):
         """Keys that follow from others: scene files leave them out."""
         found = () if self.materials else derived_constants(self)
         retarded = isinstance(self.viscoelastic, KelvinVoigt)
-        return (*found, *filled_keys(self), *("rayleigh_stiffness",) * retarded)
+        filled = filled_keys(self) if self.damping else ()
+        return (*found, *filled, *("rayleigh_stiffness",) * retarded)
 
     @property
     def relaxing(self) -> tuple[tuple[float, float], ...]:

@@ -104,7 +104,8 @@ class SpringNet(BodyKind):
         if (self.shape is None) == (self.mesh is None):
             given = "neither is" if self.mesh is None else "both are"
             raise KeyedError(self.kind, "shape", f": {given} given; give shape, or mesh.")
-        fill_damping(self)
+        if self.damping or self.quality_factor or self.damping_ratio:
+            fill_damping(self)
         if self.shape is not None:
             self._check_shape(self.shape)
         elif self.pattern is not None:
@@ -159,7 +160,7 @@ class SpringNet(BodyKind):
     @property
     def derived(self) -> tuple[str, ...]:
         """Keys that follow from others: scene files leave them out."""
-        return filled_keys(self)
+        return filled_keys(self) if self.damping else ()
 
     @property
     def dim(self) -> int:

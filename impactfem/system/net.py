@@ -13,7 +13,7 @@ from impactfem.errors import MeshError, SceneError
 from impactfem.scene import Formula, Scene
 from impactfem.scene.body import beside
 from impactfem.scene.boundary import Support
-from impactfem.scene.damping import by_first_mode, rayleigh_of
+from impactfem.scene.damping import rayleigh_of
 from impactfem.scene.jets import motion_at
 from impactfem.scene.springs import SpringNet
 from impactfem.system.few import FewBodies
@@ -245,8 +245,8 @@ def _damping(body: SpringNet, mesh: NetMesh, mass: Floats, free: Integers) -> tu
     Raises:
         SceneError: They go by its first mode, and it has none.
     """
-    if not by_first_mode(body):
-        return rayleigh_of(body, 1.0, held=True)
+    if not (body.quality_factor or body.damping_ratio):
+        return body.rayleigh_mass, body.rayleigh_stiffness
     dim = mesh.points.shape[1]
     first = first_frequency(rest_stiffness(mesh, free), np.repeat(mass[free], dim), 3 * dim - 3)
     if not first > 0.0:

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
-from impactfem.scene.damping import by_first_mode, rayleigh_of
+from impactfem.scene.damping import rayleigh_of
 from impactfem.scene.plate import Plate
 from impactfem.system.plate_tones import first_frequency, vibrations
 
@@ -56,8 +56,10 @@ class PlateDamping:
         ratios = np.asarray(plate.damping_ratio or ())
         if not len(ratios):
             none = np.zeros((len(mass), 0))
-            first = first_frequency(stiffness, mass) if by_first_mode(plate) else 1.0
-            by = rayleigh_of(plate, first, held=bool(plate.supports))
+            by = plate.rayleigh_mass, plate.rayleigh_stiffness
+            if plate.quality_factor is not None:
+                first = first_frequency(stiffness, mass)
+                by = rayleigh_of(plate, first, held=bool(plate.supports))
             return cls(*by, rates=none[0], squares=none[0], modes=none, momenta=none)
         found, shapes = vibrations(stiffness, mass, len(ratios))
         if len(found) < len(ratios):

@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI, PETSc
-from impactfem.scene.damping import by_first_mode, rayleigh_of
+from impactfem.scene.damping import rayleigh_of
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
 from impactfem.system.rigid_modes import RigidModes
@@ -32,7 +32,7 @@ def with_quality(system: ElasticSystem, solid: Any) -> ElasticSystem:
     Raises:
         ConvergenceError: Its first mode is not found.
     """
-    if not by_first_mode(solid):
+    if not (solid.quality_factor or solid.damping_ratio):
         return system
     rigid = RigidModes.of(system)
     mass, stiffness = rayleigh_of(solid, first_frequency(system, rigid), held=not rigid.count)

@@ -7,6 +7,7 @@ from impactfem import scene as language
 from impactfem.scene import Bar, Output, Scene, Solid, Solve, Support, describe
 from impactfem.scene.contacts import Adhesion
 from impactfem.scene.controllers import LinearModel, Noise
+from impactfem.scene.damping import Damping
 from impactfem.scene.drop import Drop
 from impactfem.scene.schema import TableDoc, keys_of
 from impactfem.scene.trajectory import Cost, TrajectoryKeys
@@ -72,6 +73,7 @@ TABLES = {
     "orthotropic = { e1 = ..., e3 = ... }": language.OrthotropicSolid,
     "orthotropic = { e1 = ... }": language.Orthotropic,
     "layers = [{ thickness = ... }]": language.Layer,
+    "damping = { ... }": Damping,
     "model = { ... }": LinearModel,
     "noise = { ... }": Noise,
     "minimise = [{ ... }]": language.Term,

@@ -1,7 +1,6 @@
 """What the model of a scene leaves out, and why that may be done or must be known."""
 
 from impactfem.scene import Scene
-from impactfem.scene.damping import by_first_mode
 
 
 def omissions(scene: Scene) -> list[str]:
@@ -42,7 +41,11 @@ def _solids(scene: Scene) -> list[str]:
     if solids[0].is_axisymmetric:
         found.append("Whatever differs around the axis, twist included.")
     if not any(
-        solid.rayleigh_mass or solid.retardation or by_first_mode(solid) or solid.relaxing
+        solid.rayleigh_mass
+        or solid.retardation
+        or solid.quality_factor
+        or solid.damping_ratio
+        or solid.relaxing
         for solid in solids
     ):
         found.append("Damping of the material: the scene gives none.")
