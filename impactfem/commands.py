@@ -271,19 +271,23 @@ def optimise(given: argparse.Namespace) -> int:
 def trajectory(given: argparse.Namespace) -> int:
     """Find controls with which a scene moves as asked at least cost, and what really follows."""
     from impactfem.provenance import run_record, shell_command  # noqa: PLC0415
+    from impactfem.solving import solve  # noqa: PLC0415
+    from impactfem.trajectory.running import run_again  # noqa: PLC0415
     from impactfem.trajectory.scenes import trajectory as planned_of  # noqa: PLC0415
     from impactfem.trajectory.written import trajectory_table, write_trajectory  # noqa: PLC0415
 
     path, scene = _read(given)
     folder = given.out or Path("results") / f"{_name(path)}_trajectory"
     planned = planned_of(scene)
+    ran = run_again(planned, solve)
     words = ["impactfem", "trajectory", given.scene]
     words += [word for text in given.settings for word in ("--set", text)]
     words += [word for text in given.extensions for word in ("--extension", text)]
     record = run_record(shell_command(words), scene.said)
-    on_root(lambda: write_trajectory(planned, folder, record))
-    say(f"{trajectory_table(planned)}\n\nwritten to {folder}")
-    return _trusted(planned.found.trusted, "this motion", folder, planned.found.doubts)
+    on_root(lambda: write_trajectory(planned, ran, folder, record))
+    say(f"{trajectory_table(planned, ran)}\n\nwritten to {folder}")
+    doubts = *planned.found.doubts, *ran.doubts(planned.found.allowed)
+    return _trusted(not doubts, "this motion", folder, doubts)
 
 
 def _searched(

@@ -39,6 +39,7 @@ class Planned:
         unseen: What the motion knows nothing of, for messages.
         columns: States (n,), controls (m,) and time to all columns, as a function of CasADi.
         names: Of the columns.
+        at_start: Columns as the scene starts.
     """
 
     scene: Scene
@@ -47,6 +48,7 @@ class Planned:
     unseen: tuple[str, ...]
     columns: Any
     names: tuple[str, ...]
+    at_start: Mapping[str, float]
 
     def table(self, times: Floats, states: Floats) -> dict[str, Floats]:
         """All columns at some times (k,) of states (k, n)."""
@@ -95,9 +97,12 @@ def trajectory(scene: Scene | str | Path) -> Planned:
         "columns", [tree.t, casadi.vertcat(tree.q, tree.v), known.controls],
         [casadi.vertcat(*known.columns.values())],
     )  # fmt: skip
+    begun = [*(f.start for f in tree.freedoms), *known.start]
+    told = np.asarray(columns(0.0, begun, np.zeros(len(known.names))), dtype=float).ravel()
     return Planned(
-        scene, found, tuple(asked.rests), tuple(asked.unseen), columns, tuple(known.columns)
-    )
+        scene, found, tuple(asked.rests), tuple(asked.unseen), columns, tuple(known.columns),
+        dict(zip(known.columns, told.tolist(), strict=True)),
+    )  # fmt: skip
 
 
 def _course(scene: Scene) -> str:

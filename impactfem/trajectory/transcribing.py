@@ -111,6 +111,22 @@ class Transcribed:
         """States at the nodes, (N + 1, n)."""
         return self._motion.states
 
+    @property
+    def fractions(self) -> Floats:
+        """Of the nodes, as shares of the duration (N + 1,)."""
+        return self._motion.fractions
+
+    @property
+    def sizes(self) -> Floats:
+        """How far states move, of which distances are shares (n,)."""
+        return self._sizes
+
+    @property
+    def is_stepwise(self) -> bool:
+        """Whether controls stay as they are from each node to the next."""
+        controls = self._motion.controls
+        return bool((controls == controls[:, :1]).all())
+
     def as_guess(self) -> Guess:
         """Where another search begins."""
         return Guess.of(self._motion)
@@ -144,9 +160,16 @@ class Transcribed:
     @property
     def end_errors(self) -> dict[str, float]:
         """How far what really follows ends from what is asked, by state, in its units."""
+        return self._off(self._followed.states[-1])
+
+    def off_end(self, last: Floats) -> float:
+        """How far a last state (n,) is from what is asked, in shares of how far states move."""
+        off = self._off(last)
+        return max((self._share(name, off) for name in off), default=0.0)
+
+    def _off(self, last: Floats) -> dict[str, float]:
         names = list(self.problem.states)
         low, high = held(self.problem.end, bounds_of(self.problem.states), names).T
-        last = self._followed.states[-1]
         off = np.maximum(np.maximum(low - last, last - high), 0.0)
         found = {name: float(off[names.index(name)]) for name in self.problem.end}
         return found | {row.name: row.off(last) for row in self.problem.end_rows}
@@ -154,8 +177,7 @@ class Transcribed:
     @property
     def resimulated_end_error(self) -> float:
         """Largest of them, in shares of how far the states move; inf: it could not be followed."""
-        shares = [self._share(name) for name in self.end_errors]
-        return max(shares, default=0.0)
+        return self.off_end(self._followed.states[-1])
 
     @property
     def bounds_exceeded(self) -> float:
@@ -181,7 +203,8 @@ class Transcribed:
                 "what really follows cannot be followed to the end: its rate grows endless"
             )
         elif self.resimulated_end_error > self.allowed:
-            name = max(self.end_errors, key=self._share)
+            off = self.end_errors
+            name = max(off, key=lambda name: self._share(name, off))
             found.append(
                 f"what really follows misses the end: {name} by {self.end_errors[name]:.3g}, "
                 f"{self.resimulated_end_error:.2g} of how far it moves, allowed {self.allowed:.2g};"
@@ -194,10 +217,10 @@ class Transcribed:
             )
         return tuple(found)
 
-    def _share(self, name: str) -> float:
+    def _share(self, name: str, off: Mapping[str, float]) -> float:
         sizes = {row.name: row.size for row in self.problem.end_rows}
         sizes |= dict(zip(self.problem.states, self._sizes, strict=True))
-        return float(np.nan_to_num(self.end_errors[name] / sizes[name], nan=np.inf))
+        return float(np.nan_to_num(off[name] / sizes[name], nan=np.inf))
 
     @property
     def trusted(self) -> bool:

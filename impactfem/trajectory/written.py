@@ -13,13 +13,14 @@ from impactfem.arrays import Floats
 from impactfem.errors import OutputError
 from impactfem.report.sheet import Sheet, write_png
 from impactfem.report.table import table
+from impactfem.trajectory.running import Ran
 from impactfem.trajectory.scenes import Planned
 
 _FINE = 10  # rows of what follows in each interval
 
 
-def trajectory_table(planned: Planned) -> str:
-    """A motion for a terminal."""
+def trajectory_table(planned: Planned, ran: Ran) -> str:
+    """A motion for a terminal, and the run of the scene with its controls."""
     found = planned.found
     asked = "as asked" if found.problem.duration[0] == found.problem.duration[1] else "searched"
     missed = f"misses the end by {found.resimulated_end_error:.2g} (allowed {found.allowed:.2g})"
@@ -30,14 +31,27 @@ def trajectory_table(planned: Planned) -> str:
         ("transcription", f"{found.transcription}, intervals {_several(found.rounds)}"),
         ("defect", f"{found.defect_max:.2g} of how far a state moves, from node to node"),
         ("what follows", f"{found.resimulated_distance:.2g} away at most, {missed}"),
+        ("a run of it", _run_in_words(ran)),
         ("optimality", f"{found.kkt_residual:.2g}"),
         ("cost of it", f"{found.iterations} iterations, {found.seconds:.3g} s"),
     ]  # fmt: skip
-    return table([*rows, *(("doubt", each) for each in found.doubts), *_notes(planned)])
+    doubts = *found.doubts, *ran.doubts(found.allowed)
+    return table([*rows, *(("doubt", each) for each in doubts), *_notes(planned, ran)])
 
 
-def _notes(planned: Planned) -> list[tuple[str, str]]:
-    found = []
+def _run_in_words(ran: Ran) -> str:
+    if ran.result is None:
+        return f"none: {ran.why}"
+    by = ran.method if not ran.dt else f"{ran.method}, steps of {ran.dt:.3g} s"
+    unsure = f", of which steps may make {ran.unsure:.1g}" if ran.unsure > 0.0 else ""
+    return f"{by}: {ran.distance:.2g} away at most{unsure}, misses the end by {ran.end_error:.2g}"
+
+
+def _notes(planned: Planned, ran: Ran) -> list[tuple[str, str]]:
+    found = [
+        ("note", f"the run meets {name} at t = {time:.4g} s")
+        for name, time in (ran.touched or {}).items()
+    ]
     if planned.rests:
         told = ", ".join(planned.rests)
         found.append(("note", f'ends at rest, since nothing else is said: {told}; or say "free"'))
@@ -51,11 +65,12 @@ def _several(rounds: tuple[int, ...]) -> str:
     return ", then ".join(map(str, rounds))
 
 
-def write_trajectory(planned: Planned, folder: Path, run: Mapping[str, Any]) -> None:
-    """Write trajectory.csv, resimulated/history.csv, summary.json and trajectory.png.
+def write_trajectory(planned: Planned, ran: Ran, folder: Path, run: Mapping[str, Any]) -> None:
+    """Write trajectory.csv, followed.csv, resimulated/, summary.json and trajectory.png.
 
     Args:
         planned: What was found.
+        ran: The run of the scene with its controls; without one what follows stands for it.
         folder: Where.
         run: Date, versions, machine and command.
 
@@ -65,15 +80,22 @@ def write_trajectory(planned: Planned, folder: Path, run: Mapping[str, Any]) -> 
     found = planned.found
     summary = found.summary | {
         "ends_at_rest": list(planned.rests), "unseen_contacts": list(planned.unseen),
-        "doubts": list(found.doubts), "resimulated_by": "dop853", "run": dict(run),
-    }  # fmt: skip
+        "doubts": [*found.doubts, *ran.doubts(found.allowed)], "resimulated_by": "dop853",
+        "run": dict(run),
+        "followed_distance": found.resimulated_distance,
+        "followed_end_error": found.resimulated_end_error,
+    } | ran.summary  # fmt: skip
     fine = followed_table(planned)
     texts = {
         "trajectory.csv": _csv(planned.table(found.times, found.at_nodes)),
-        "resimulated/history.csv": _csv(fine),
+        "followed.csv": _csv(fine),
         "summary.json": json.dumps(_finite(summary), indent=1) + "\n",
         "scene.toml": planned.scene.to_toml(folder=folder),
     }
+    if ran.result is None:
+        texts["resimulated/history.csv"] = texts["followed.csv"]
+    else:
+        ran.result.write_data(folder / "resimulated")
     try:
         for name, text in texts.items():
             path = folder / name

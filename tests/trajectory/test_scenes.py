@@ -153,9 +153,28 @@ class TestCommand:
                 rows = list(csv.DictReader(file))
             assert float(rows[-1]["time"]) == 1.0
             assert float(rows[-1]["block.x"]) == pytest.approx(1.0, abs=2e-2)
+        # A run of the scene, by a scheme that knows nothing of the search, ends as what follows.
+        assert told["resimulated_by"] == "moreau_jean"
+        apart = told["resimulated_end_error"] - told["followed_end_error"]
+        assert abs(apart) < 10 * told["resimulated_unsure"] < 1e-3
         settings = ["--set", "trajectory.nodes=3"]
         assert main(["trajectory", str(scene), *settings, "--out", str(tmp_path / "few")]) == 0
         assert "intervals 3, then" in capsys.readouterr().out
+
+    def test_a_wall_between_nodes_is_met(self, tmp_path, capsys):
+        """The search keeps off it at nodes; the run meets it between them, and says so."""
+        tables = block(start={"block.vx": 1.0}, nodes=20, end={"block.x": 0.0},
+                       transcription="hermite_simpson")  # fmt: skip
+        tables["body"][0]["velocity"] = [1.0]
+        wall = {"kind": "half_space", "name": "wall", "point": [0.1], "normal": [-1.0]}
+        scene = tmp_path / "block.toml"
+        scene.write_text(Scene.from_dict(tables | {"obstacle": [wall]}).to_toml())
+        assert main(["trajectory", str(scene), "--out", str(tmp_path / "out")]) == 3
+        assert "it meets block.wall at t = 0.25 s" in capsys.readouterr().err
+        told = json.loads((tmp_path / "out" / "summary.json").read_text())
+        assert told["resimulated_by"] == "event_driven"
+        assert told["followed_end_error"] < 1e-9
+        assert told["resimulated_end_error"] > 1e-2
 
     def test_a_time_too_short_ends_with_3(self, tmp_path, capsys):
         tables = block(duration=1.5, cost=[{"term": "time"}], transcription="hermite_simpson")
