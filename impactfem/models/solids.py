@@ -409,9 +409,7 @@ class SolidsModel:
         ties = Ties(scene, parts)
         for part, solid in zip(self.parts, scene.solids, strict=True):
             parts.append(SolidPart(self.comm, scene, solid, part.degree, part.mesh, ties))
-        model = SolidsModel(self.comm, scene, tuple(parts), self.updated, few_bodies(scene))
-        set_out(model)
-        return model
+        return _on_their_way(scene, tuple(parts), self.updated)
 
     @cached_property
     def contact_count(self) -> int:
@@ -453,8 +451,12 @@ def solids_model(scene: Scene, degrees: Sequence[int], *, updated: bool = False)
 
 @lru_cache(maxsize=1)
 def _model(key: SceneKey, degrees: tuple[int, ...], updated: bool) -> SolidsModel:  # hashed
-    scene = key.scene
-    model = SolidsModel(MPI.COMM_WORLD, scene, _parts(key, degrees), updated, few_bodies(scene))
+    return _on_their_way(key.scene, _parts(key, degrees), updated)
+
+
+def _on_their_way(scene: Scene, parts: tuple[SolidPart, ...], updated: bool) -> SolidsModel:
+    """The model of a scene, its attached masses as fast as what carries them (collective)."""
+    model = SolidsModel(MPI.COMM_WORLD, scene, parts, updated, few_bodies(scene))
     if masses := [body for body in scene.bodies if isinstance(body, Attached)]:
         set_out(model, masses)
     return model
