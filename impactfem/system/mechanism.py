@@ -244,7 +244,7 @@ def start_of(body: Mechanism, robot: Robot) -> tuple[Joints, Floats, Floats, Fou
         if given.drive is not None:
             driven[at], v[at] = given.drive, motion_at(given.drive, 0.0).rate
     for name, at in tree.single.items():
-        motor = _motor(body, robot, name, tree.position(q, name), v[at])
+        motor = motor_of(body, robot, name, tree.position(q, name), v[at])
         if motor is not None and at not in driven:
             motors[at] = StepMean(motor)
     _check_inertia(body, tree, q)
@@ -281,7 +281,7 @@ def _check_start(body: Mechanism, robot: Robot, name: str, given: JointStart) ->
         raise KeyedError(body.kind, f"{where}.control", text + "that is read: give motor.")
 
 
-def _motor(body: Mechanism, robot: Robot, name: str, q: float, v: float) -> Formula | None:
+def motor_of(body: Mechanism, robot: Robot, name: str, q: float, v: float) -> Formula | None:
     """What acts in a joint, by the scene and the file, in t, q and v; None if nothing does."""
     own = body.joints.get(name)
     motor, control = (None, None) if own is None else (own.motor, own.control)

@@ -1,14 +1,14 @@
 """Bodies, joints and springs of a scene as a tree in symbols."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
-from impactfem.scene import Joint, Point, RigidBody, Scene
+from impactfem.scene import Joint, Mechanism, Point, RigidBody, Scene
 from impactfem.scene.couplings import SpringRow
 from impactfem.scene.formula import Formula
 from impactfem.scene.grammar import Node
@@ -16,6 +16,9 @@ from impactfem.scene.joints import GROUND
 from impactfem.scene.values import show
 from impactfem.trajectory.symbols import loaded
 from impactfem.trajectory.tree import Freedom, Part, Tree
+
+if TYPE_CHECKING:
+    from impactfem.trajectory.robots import RobotParts
 
 _AXES = "xyz"
 _JOINTS = ("fixed", "revolute", "prismatic", "cylindrical")
@@ -34,6 +37,7 @@ class Symbolic:
         names: Of them.
         rate: v' (d,).
         start: Rates at t = 0 (d,).
+        limits: Least and largest values of coordinates by name, that mechanisms have.
     """
 
     tree: Tree
@@ -42,6 +46,7 @@ class Symbolic:
     names: tuple[str, ...]
     rate: Any
     start: Floats
+    limits: Mapping[str, tuple[float, float]]
 
 
 def symbolic(scene: Scene) -> Symbolic:
@@ -85,22 +90,36 @@ class _Reader:
                     "act on formulas: leave it out"
                 )
         for body in scene.bodies:
-            if not isinstance(body, Point | RigidBody):
+            if not isinstance(body, Point | RigidBody | Mechanism):
                 raise SceneError(
-                    f"body.{body.name}: a trajectory knows points and rigid bodies, not "
+                    f"body.{body.name}: a trajectory knows points, rigid bodies, mechanisms, not "
                     f"{body.kind}; take these, or impactfem.transcribe"
                 )
 
     def read(self) -> Symbolic:
         scene = self.scene
         self.tree = self._tree()
-        for body in scene.bodies:
+        for body in self.plain:
             self._forces(body)
+        for robot in self.robots.values():
+            self._drive(robot)
         for joint in scene.couplings:
             self._along(joint)
         rate = self.tree.forward()
         columns = self._columns()
-        return Symbolic(self.tree, columns, self.controls, self.names, rate, self._start_rates())
+        limits = {
+            freedom.name: pair
+            for robot in self.robots.values()
+            for freedom, pair in zip(robot.freedoms, robot.limits, strict=True)
+        }
+        return Symbolic(
+            self.tree, columns, self.controls, self.names, rate, self._start_rates(), limits
+        )
+
+    @property
+    def plain(self) -> list[Any]:
+        """Bodies that are no mechanisms."""
+        return [body for body in self.scene.bodies if not isinstance(body, Mechanism)]
 
     # Coordinates
 
@@ -111,17 +130,32 @@ class _Reader:
         held = [joint for joint in scene.joints if joint.holds]
         for joint in held:
             self._check_joint(joint)
-        left = [body.name for body in scene.bodies]
+        left = [body.name for body in self.plain]
         self.places: dict[str, int] = {}  # of the coordinates of joints
         while left:
             self._grow(held, chains, freedoms)
             left = [name for name in left if name not in chains]
             if left:
                 self._root(left[0], chains, freedoms)
+        parts = {body.name: self._part(body, chains[body.name]) for body in self.plain}
+        rotors = [0.0] * len(freedoms)
+        self.robots: dict[str, RobotParts] = {}
+        self.first: dict[str, int] = {}  # coordinate of each mechanism
+        for body in scene.bodies:
+            if isinstance(body, Mechanism):
+                from impactfem.trajectory.robots import robot_parts  # noqa: PLC0415  (rare)
+
+                robot = self.robots[body.name] = robot_parts(scene, body)
+                first = self.first[body.name] = len(freedoms)
+                freedoms += robot.freedoms
+                rotors += robot.rotors.tolist()
+                parts |= {
+                    part.name: replace(part, freedoms=[first + k for k in moved])
+                    for part, moved in zip(robot.parts, robot.above, strict=True)
+                }
         if not freedoms:
             raise SceneError("joint: they hold all bodies; nothing can move")
-        parts = {body.name: self._part(body, chains[body.name]) for body in scene.bodies}
-        return Tree(freedoms, parts)
+        return Tree(freedoms, parts, rotors)
 
     def _grow(
         self, held: list[Joint], chains: dict[str, list[int]], freedoms: list[Freedom]
@@ -211,15 +245,33 @@ class _Reader:
 
     # Forces
 
+    def _drive(self, robot: "RobotParts") -> None:
+        """What acts on a mechanism: gravity, dampers and motors of its joints."""
+        casadi, tree = loaded(), self.tree
+        for part in robot.parts:
+            tree.push(tree.centre(part.name), casadi.DM(part.mass * self._gravity()))
+        names = [freedom.name for freedom in tree.freedoms]
+        for k, freedom in enumerate(robot.freedoms):
+            at = names.index(freedom.name)
+            q, v = tree.q[at], tree.v[at]
+            force = -robot.damping[k] * v
+            if k in robot.motors:
+                force = force + self._value(robot.motors[k], {"t": tree.t, "q": q, "v": v})
+            tree.push(q, force)
+
+    def _gravity(self) -> Floats:
+        """Constant (3,)."""
+        gravity = self.scene.vector_gravity
+        if not gravity.is_constant:
+            raise SceneError("gravity: changes in time; a trajectory knows a constant one")
+        return _space(gravity.at(0.0))
+
     def _forces(self, body: Any) -> None:
         """Gravity, forces by formula, springs of a point."""
         casadi, tree = loaded(), self.tree
         centre = tree.centre(body.name)
-        gravity = self.scene.vector_gravity
-        if not gravity.is_constant:
-            raise SceneError("gravity: changes in time; a trajectory knows a constant one")
         weight = body.mass if isinstance(body, Point) else body.total_mass
-        total = casadi.DM(weight * _space(gravity.at(0.0)))
+        total = casadi.DM(weight * self._gravity())
         known = self._state(body)
         if body.force:
             told = [self._value(each, known) for each in body.force]
@@ -298,7 +350,14 @@ class _Reader:
 
     def _columns(self) -> dict[str, Any]:
         tree, found = self.tree, dict[str, Any]()
-        for body in self.scene.bodies:
+        for name, robot in self.robots.items():
+            mass = sum(part.mass for part in robot.parts)
+            each = [part.mass / mass * tree.centre(part.name) for part in robot.parts]
+            middle = sum(each[1:], each[0])
+            speed = tree.rate(middle)
+            for k, axis in enumerate(_AXES):
+                found |= {f"{name}.{axis}": middle[k], f"{name}.v{axis}": speed[k]}
+        for body in self.plain:
             centre = tree.centre(body.name)
             speed, spin = tree.rate(centre), tree.spin(body.name)
             for k in range(body.dim):
@@ -326,7 +385,11 @@ class _Reader:
         casadi, tree = loaded(), self.tree
         rows: list[Any] = []
         wanted: list[float] = []
-        for body in self.scene.bodies:
+        for name, robot in self.robots.items():
+            first = self.first[name]
+            rows.append(tree.v[first : first + len(robot.freedoms)])
+            wanted += robot.rates.tolist()
+        for body in self.plain:
             rows.append(tree.rate(tree.centre(body.name))[: body.dim])
             wanted += [float(each) for each in _speed(body)]
             if isinstance(body, RigidBody):

@@ -178,13 +178,12 @@ def _touched(planned: Planned, history: Any) -> dict[str, float]:
     for name in history:
         if str(name).startswith("impulse.") and (met := np.asarray(history[name].values) > 0).any():
             found[str(name).removeprefix("impulse.")] = float(time[int(np.argmax(met))])
-    for joint in planned.scene.joints:
-        column = f"{joint.name}.q"
-        if joint.limits is None or column not in history:
+    for column, (low, high) in planned.limits.items():
+        if column not in history:
             continue
         way = np.asarray(history[column].values)
-        low, high = joint.limits
-        room = _AT_REST * (high - low)
+        room = _AT_REST * float(np.ptp(planned.found.at_nodes))
         if (met := (way <= low + room) | (way >= high - room)).any():
-            found[f"the limit of {joint.name}"] = float(time[int(np.argmax(met))])
+            name = column.removesuffix(".q")
+            found[f"the limit of {name}"] = float(time[int(np.argmax(met))])
     return found

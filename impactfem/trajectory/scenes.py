@@ -11,7 +11,7 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
-from impactfem.scene import Scene
+from impactfem.scene import Mechanism, Scene
 from impactfem.scene.formula import Formula
 from impactfem.scene.grammar import FormulaError
 from impactfem.scene.obstacles import HalfSpace
@@ -40,6 +40,7 @@ class Planned:
         columns: States (n,), controls (m,) and time to all columns, as a function of CasADi.
         names: Of the columns.
         at_start: Columns as the scene starts.
+        limits: Of joints, by the column of their coordinate.
     """
 
     scene: Scene
@@ -49,6 +50,7 @@ class Planned:
     columns: Any
     names: tuple[str, ...]
     at_start: Mapping[str, float]
+    limits: Mapping[str, tuple[float, float]]
 
     def table(self, times: Floats, states: Floats) -> dict[str, Floats]:
         """All columns at some times (k,) of states (k, n)."""
@@ -101,7 +103,7 @@ def trajectory(scene: Scene | str | Path) -> Planned:
     told = np.asarray(columns(0.0, begun, np.zeros(len(known.names))), dtype=float).ravel()
     return Planned(
         scene, found, tuple(asked.rests), tuple(asked.unseen), columns, tuple(known.columns),
-        dict(zip(known.columns, told.tolist(), strict=True)),
+        dict(zip(known.columns, told.tolist(), strict=True)), _limits(scene, known),
     )  # fmt: skip
 
 
@@ -109,6 +111,13 @@ def _course(scene: Scene) -> str:
     """How controls go between the nodes of shooting, as they all say."""
     courses = {control.course for control in scene.controls}
     return courses.pop() if len(courses) == 1 else "linear"
+
+
+def _limits(scene: Scene, known: Symbolic) -> dict[str, tuple[float, float]]:
+    """Limits of joints by the columns of their coordinates."""
+    joints = ((f"{joint.name}.q", joint.limits) for joint in scene.joints)
+    own = {name: (pair[0], pair[1]) for name, pair in joints if pair is not None}
+    return {name: pair for name, pair in own.items() if name in known.columns} | dict(known.limits)
 
 
 class _Asked:
@@ -214,9 +223,7 @@ class _Asked:
     def _bounds(self) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
         """Limits of states, and of columns that are none, as paths."""
         states: dict[str, tuple[float, float]] = dict.fromkeys(self.names, (-np.inf, np.inf))
-        for joint in self.scene.joints:
-            if joint.limits is not None and f"{joint.name}.q" in states:
-                states[f"{joint.name}.q"] = joint.limits[0], joint.limits[1]
+        states |= _limits(self.scene, self.known)
         paths: list[tuple[str, Any]] = []
         for name, limits in self.wanted.bounds.items():
             column = self._column("bounds", name)
@@ -311,6 +318,8 @@ def _outline(body: Any) -> tuple[Floats, Floats] | None:
     """Centres at t = 0 (k, 3) and radii (k,) of balls whose hull it is; None: it is none."""
     if isinstance(body, Point):
         return _space(body.position)[None], np.array([body.radius])
+    if isinstance(body, Mechanism):
+        return None
     form = body.form
     if len(form.rim) or len(form.nodes) > _CORNERS:
         return None

@@ -62,11 +62,13 @@ class Tree:
     Attributes:
         freedoms: Coordinates.
         parts: Bodies.
+        rotors: Inertia that coordinates have besides (d,); none: 0 each.
         pushes: Generalised forces, added up (d,).
     """
 
     freedoms: list[Freedom]
     parts: dict[str, Part]
+    rotors: Sequence[float] = ()
     pushes: list[Any] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -132,7 +134,7 @@ class Tree:
         """M(q), (d, d)."""
         casadi = loaded()
         count = len(self.freedoms)
-        total = casadi.SX.zeros(count, count)
+        total = casadi.SX(casadi.diag(casadi.DM(list(self.rotors) or [0.0] * count)))
         for name, part in self.parts.items():
             moves = casadi.jacobian(self.centre(name), self.q)
             total += part.mass * (moves.T @ moves)
