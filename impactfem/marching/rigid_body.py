@@ -91,3 +91,10 @@ class RigidMidpoint(Pictured):
         """See `Pictured`."""
         points, turn = self.bodies.picture[0], self._march.frame[1][self._at]
         return self._march.acting[self._own][nodes], np.arange(len(points)), points @ turn.T
+
+
+class RodMidpoint(RigidMidpoint):
+    """A rod: a line between its ends, which are its contact nodes."""
+
+    drawn = FewInterior.drawn
+    located = FewInterior.located

@@ -53,7 +53,9 @@ class AxisWatch:
         scene, self.speed = model.scene, 0.0
         self._reach = float(model.crowd.radii.sum(axis=1).min(initial=np.inf))
         several = model.ball_meetings
-        self._reach = min([self._reach, *(met.pair.thickness for met in several)])
+        # Axes and points of no radius have no thickness that could be missed.
+        thick = (met.pair.thickness for met in several if met.pair.thickness > 0.0)
+        self._reach = min([self._reach, *thick])
         self._led = [met.pair for met in several if isinstance(met.pair, Led)]
         # Solids have steppers of their own, obstacles none.
         others = {each.name for each in scene.obstacles} | {p.solid.name for p in model.parts}

@@ -24,7 +24,7 @@ from impactfem.marching.mechanism import MechanismMidpoint
 from impactfem.marching.net import NetMidpoint
 from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.plate_newton import PlateNewton
-from impactfem.marching.rigid_body import RigidMidpoint
+from impactfem.marching.rigid_body import RigidMidpoint, RodMidpoint
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import scheme_of
 from impactfem.marching.wave_bar import WaveBar
@@ -47,7 +47,7 @@ from impactfem.system.massless import mass_transfer
 from impactfem.system.mechanism import Arm
 from impactfem.system.net import Net
 from impactfem.system.plate import PlateSystem
-from impactfem.system.rigid import Rigid
+from impactfem.system.rigid import Rigid, RigidRod
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -59,6 +59,7 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     Lumped: FewMidpoint,
     ElasticBar: WaveBar,
     Rigid: RigidMidpoint,
+    RigidRod: RodMidpoint,
     Arm: MechanismMidpoint,
     Net: NetMidpoint,
     FlexibleBeam: FlexibleMidpoint,
@@ -69,6 +70,7 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
 _STEPPERS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     **_INTERIORS,
     Rigid: partial(RigidMidpoint, exact=True),
+    RigidRod: partial(RodMidpoint, exact=True),
     Arm: partial(MechanismMidpoint, exact=True),
     PlateSystem: PlateNewton,
 }

@@ -28,6 +28,7 @@ from impactfem.scene.jets import motion_at
 from impactfem.scene.joints import GROUND, Joint
 from impactfem.scene.kinds import Choice, Integer, Name, Real
 from impactfem.scene.obstacles.base import unit_vector
+from impactfem.scene.rigid_keys import check_forces
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import NotAllowedError, show
 
@@ -82,6 +83,9 @@ class Rod(Slender):
     meets_edges: ClassVar[bool] = True
     dents: ClassVar[bool] = True
     round_ends: ClassVar[bool] = True
+    takes_joints: ClassVar[bool] = True
+    joined_in_steps: ClassVar[bool] = True
+    has_centre: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the rod in histories", default="rod")
     mass: float = key(Real(above=0), "mass", unit="kg")
@@ -93,9 +97,26 @@ class Rod(Slender):
     )
     angular_velocity: float = key(Real(), "rotation at t = 0", unit="rad/s", default=0.0)
     radius: float = key(Real(at_least=0), "radius of the rounded ends", unit="m", default=0.0)
+    force: MaybeFormulas = key(
+        Formulas(("t", "x", "y", "vx", "vy"), lengths=(2,)),
+        "applied to the centre besides gravity", unit="N", default=None, absent="none",
+    )  # fmt: skip
+    moment: MaybeFormulas = key(
+        Formulas(("t", "w"), lengths=(1,)), "applied, of the rotation w [rad/s]", unit="N m",
+        default=None, absent="none",
+    )  # fmt: skip
 
     def _check(self) -> None:
         _check_angle(self)
+        if self.force or self.moment:
+            values = zip(("x", "y", "vx", "vy"), (*self.center, *self.velocity), strict=True)
+            check_forces(self, dict(values), {"w": self.angular_velocity})
+
+    @property
+    def solvers(self) -> tuple[Solver, Solver]:  # type: ignore[override]
+        """What forces drive is marched."""
+        driven = self.force or self.moment
+        return ("march", "march") if driven else ("vibro", "vibro")
 
     def centre_velocity(self) -> Floats | None:
         """Velocity of its centre at t = 0 [m/s], (2,)."""
@@ -111,8 +132,10 @@ class Rod(Slender):
         return 2.0 * self.radius
 
     @property
-    def flight(self) -> Flight:
-        """How it flies."""
+    def flight(self) -> Flight | None:
+        """How it flies; None if forces act on it."""
+        if self.force or self.moment:
+            return None
         return Flight((self.length / 2 + self.radius,) * 2, self.center, self.velocity)
 
 

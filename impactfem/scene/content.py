@@ -396,7 +396,7 @@ def why_marched(scene: Content) -> str | None:
         return f"several bodies of kind {kinds[0]}"
     if not any(scene.kinds <= method.bodies for method in METHODS.values()):
         return f"a {kinds[0]}"
-    return _of_laws(scene)
+    return "gravity that changes" if _changes(scene) else _of_laws(scene)
 
 
 def _of_scene(scene: Content) -> str:
@@ -406,6 +406,12 @@ def _of_scene(scene: Content) -> str:
     held = ("joints", scene.joints), ("ties", scene.ties), ("springs between bodies", True)
     what = next(name for name, has in held if has)
     return what if scene.couplings else "a start at rest"
+
+
+def _changes(scene: Content) -> bool:
+    """Whether gravity changes, of bodies whose other methods take a constant one."""
+    slender = any(body.is_slender for body in scene.bodies)
+    return slender and not scene.gravity.is_constant
 
 
 def _of_laws(scene: Content) -> str | None:

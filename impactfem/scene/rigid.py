@@ -19,7 +19,7 @@ from impactfem.scene.kinds import Choice, FilePath, Line, Name, Real
 from impactfem.scene.mesh_files import PART
 from impactfem.scene.points import COORDINATES
 from impactfem.scene.rigid_forms import Form, form_of, form_of_surface
-from impactfem.scene.rigid_keys import InertiaKind, Orientation, inertia_fault, rotation
+from impactfem.scene.rigid_keys import InertiaKind, Orientation, check_forces, inertia_fault, rotation
 from impactfem.scene.rigid_shapes import RIGID_SHAPES, RigidShape
 from impactfem.scene.schema import KeyedError, aside, key, table
 from impactfem.scene.surface_files import MESH_SIZE, SCALE, SURFACE_FILES, closed_surface
@@ -392,14 +392,4 @@ class RigidBody(BodyKind):
         )
         names = ("w",) if dim == 2 else ("wx", "wy", "wz")
         turning = dict(zip(names, speed[dim:], strict=True))
-        for name, known in (("force", moving), ("moment", turning)):
-            for index, formula in enumerate(getattr(self, name) or ()):
-                values = {"t": 0.0} | known
-                missing = sorted(formula.used.difference(values))
-                if missing:
-                    text = f" = {show(formula.text)} uses {', '.join(missing)}, which it does not "
-                    text += f"have in {dim} coordinates: use {', '.join(values)}."
-                    raise KeyedError(self.kind, f"{name}[{index}]", text)
-                if not np.isfinite(formula(**values)):
-                    text = f" = {show(formula.text)} has no finite value at the start: rewrite it."
-                    raise KeyedError(self.kind, f"{name}[{index}]", text)
+        check_forces(self, moving, turning)

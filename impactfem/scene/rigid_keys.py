@@ -1,9 +1,9 @@
 """Values that only rigid bodies have: moments of inertia, and orientations in space."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, override
+from typing import Any, ClassVar, override
 
 import numpy as np
 
@@ -48,6 +48,31 @@ class InertiaKind(Kind):
     @override
     def write(self, value: float | tuple[tuple[float, ...], ...]) -> float | list[list[float]]:
         return [list(row) for row in value] if isinstance(value, tuple) else value
+
+
+def check_forces(
+    body: Any, moving: Mapping[str, float], turning: Mapping[str, float]
+) -> None:  # fmt: skip
+    """Refuse formulas that need other coordinates, or have no finite value at the start.
+
+    Args:
+        body: With `force` and `moment`, formulas or None.
+        moving, turning: What the first and the second may use besides t, at the start.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    for name, known in (("force", moving), ("moment", turning)):
+        for index, formula in enumerate(getattr(body, name) or ()):
+            values = {"t": 0.0, **known}
+            missing = sorted(formula.used.difference(values))
+            if missing:
+                text = f" = {show(formula.text)} uses {', '.join(missing)}, which it does not "
+                text += f"have in {body.dim} coordinates: use {', '.join(values)}."
+                raise KeyedError(body.kind, f"{name}[{index}]", text)
+            if not np.isfinite(formula(**values)):
+                text = f" = {show(formula.text)} has no finite value at the start: rewrite it."
+                raise KeyedError(body.kind, f"{name}[{index}]", text)
 
 
 def inertia_fault(moments: Floats, *, thin: bool = False) -> str | None:

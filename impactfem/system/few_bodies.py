@@ -10,7 +10,7 @@ from impactfem.arrays import Floats
 from impactfem.scene import Bar, Beam, Mechanism, Plate, Point, RigidBody, Rod, Scene, SpringNet
 from impactfem.system.beam_load import BeamForces, BeamLoad
 from impactfem.system.beam_parts import beam_parts
-from impactfem.system.few import ElasticBar, FewBodies, Lumped, rigid_in_plane
+from impactfem.system.few import ElasticBar, FewBodies, Lumped
 from impactfem.system.flexible_beam import flexible_beam
 from impactfem.system.frequency import highest_frequency
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
@@ -18,7 +18,7 @@ from impactfem.system.mechanism import mechanism_system
 from impactfem.system.net import net_system
 from impactfem.system.plate_making import plate_system
 from impactfem.system.points import free_points
-from impactfem.system.rigid import in_space, rigid_systems
+from impactfem.system.rigid import in_space, rigid_rod, rigid_systems
 
 _SAMPLES = 5040  # along a bar
 _OF_BENDING = 5.0  # a beam's modes up to about the second are followed like a vibration
@@ -96,22 +96,6 @@ def _of_points(scene: Scene, points: Sequence[Point]) -> Lumped:
         load=free.load,
         section=section,
         words="a point" if count == 1 else f"{count} points",
-    )
-
-
-def _of_rod(rod: Rod) -> Lumped:
-    along = np.array([np.cos(rod.inclination), np.sin(rod.inclination)])
-    return rigid_in_plane(
-        rod.name,
-        mass=rod.mass,
-        inertia=rod.mass * rod.length**2 / 12.0,
-        center=rod.center,
-        arms=0.5 * rod.length * np.array([-along, along]),
-        velocity=(*rod.velocity, rod.angular_velocity),
-        radius=rod.radius,
-        lines=np.array([[0, 1]]),
-        words="a rigid rod",
-        angle=rod.inclination,
     )
 
 
@@ -214,7 +198,7 @@ _NO_LINES = np.zeros((0, 2), dtype=np.int64)
 
 _MAKERS: Mapping[type, Callable[[Scene, list[Any]], Sequence[FewBodies]]] = {
     Point: lambda scene, points: [_of_points(scene, points)],
-    Rod: lambda _, rods: list(map(_of_rod, rods)),
+    Rod: lambda _, rods: list(map(rigid_rod, rods)),
     Beam: lambda _, beams: [flexible_beam(b) if b.is_finite else _of_beam(b) for b in beams],
     RigidBody: rigid_systems,
     Mechanism: lambda scene, bodies: [mechanism_system(scene, body) for body in bodies],

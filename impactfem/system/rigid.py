@@ -12,7 +12,7 @@ from typing import cast
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
-from impactfem.scene import RigidBody, Scene
+from impactfem.scene import RigidBody, Rod, Scene
 from impactfem.scene.means import StepMean
 from impactfem.scene.obstacles.rotation import gap_at
 from impactfem.scene.pairing import bodies_met, friction_of, obstacles_of
@@ -330,6 +330,64 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class RigidRod(Rigid):
+    """A rod, whose ends meet all there is."""
+
+    def meeting(
+        self,
+        body: int,
+        surfaces: Sequence[str] | None,  # noqa: ARG002  (it has none)
+        partner: tuple[str, int],  # noqa: ARG002  (all meet it alike)
+    ) -> Integers:
+        """Both ends."""
+        return self.nodes_of(body)
+
+
+def rigid_rod(rod: Rod) -> RigidRod:
+    """A rod of a scene: both ends are balls that do not roll, joined by its axis."""
+    arms = 0.5 * rod.length * np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    inertia = rod.mass * rod.length**2 / 12.0 * np.eye(3)
+    centre, none = np.asarray(rod.center, dtype=float), np.zeros((2, 3))
+
+    def places(q: Floats) -> Floats:
+        middle, turn = frame(q)
+        return np.asarray((middle + arms @ turn.T)[:, :2])
+
+    return RigidRod(
+        names=(rod.name,),
+        masses=(rod.mass,),
+        centers=centre[None],
+        speeds=np.array([rod.velocity], dtype=float),
+        position=np.append(centre, rod.inclination),
+        velocity=np.array([*rod.velocity, rod.angular_velocity], dtype=float),
+        inertias=(float(inertia[2, 2]),),
+        angles=(rod.inclination,),
+        places=places,
+        radius=np.full(2, rod.radius),
+        shell=np.full(2, rod.radius),
+        touching=np.ones(2, dtype=bool),
+        body=np.zeros(2, dtype=np.int64),
+        lines=np.array([[0, 1]]),
+        ends={},
+        rate=lambda: abs(rod.angular_velocity),
+        words="a rigid rod",
+        inertia=inertia,
+        arms=arms,
+        meets={},
+        alike=frozenset(),
+        crowd=_NONE,
+        rolling=np.zeros(2),
+        rims=None,
+        normals=none,
+        lowest=none,
+        loads=_loads(rod),
+        picture=(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)),
+        crowded=np.zeros(2, dtype=np.int64),
+        free=False,
+    )
+
+
 def _alike(body: RigidBody, others: Sequence[str], among: _Bodies) -> tuple[frozenset[str], int]:
     """Other balls, where there are so many that they share nodes, and the number of these.
 
@@ -390,7 +448,7 @@ def convex_of(part: Form) -> Convex:
     return Convex.of(nodes, float(part.radius.max()))
 
 
-def _loads(body: RigidBody) -> Loads | None:
+def _loads(body: RigidBody | Rod) -> Loads | None:
     """Force and moment by the formulas of a body."""
     if not body.force and not body.moment:
         return None

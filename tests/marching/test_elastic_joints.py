@@ -396,7 +396,6 @@ ROD = {"kind": "rod", "name": "rod", "mass": 1.0, "length": 1.0, "center": [0.0,
         ),
         (BEAM, {"between": ["ground", "strip"], "point": [0.6, 0.0]}, "not on strip, .* from"),
         (BEAM, {"between": ["ground", "strip"], "point": [0.5, 0.06]}, "half its height"),
-        (ROD, {"between": ["ground", "rod"]}, "rod is a rod, joints hold bodies of kind"),
         (
             BEAM | {"velocity": [1.0, 0.0]}, {"between": ["ground", "strip"], "point": [0.0, 0.0]},
             "part with 1 .* such as 0 of strip",
