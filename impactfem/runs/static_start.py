@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
+from impactfem.errors import ConvergenceError, SceneError
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.few_start import FewAtRest
 from impactfem.marching.jointed_start import ByRows, JointedAtRest, Stationed
@@ -162,7 +163,12 @@ def start_at_rest(
         rough = None if friction is None else Rough(friction, pressing, model.dim)
         found = None if arms is None else whole.arms(arms)
         search = StaticStart(model.comm, whole.bodies, whole.owns, gaps, pressing, found, rough)
-        rest = search.find()
+        try:
+            rest = search.find()
+        except (SceneError, ConvergenceError) as error:
+            if not (taken := _taken(model)):
+                raise
+            raise type(error)(f"{error}; {taken}") from error
     finally:
         for body in bodies:
             body.destroy()
@@ -190,6 +196,22 @@ def start_at_rest(
         other.name: other.turned(place) for other, place in each if isinstance(other, FewAtRest)
     }
     return Started(rest, pressed, sizes, fallen, spun)
+
+
+def _taken(model: SolidsModel) -> str:
+    """Surfaces that joints and ties leave nothing of to touch, in words; empty if there is none."""
+    whole = [
+        side
+        for part in model.parts
+        for (side, *_), region in part.regions.items()
+        if len(region.numbers) == region.every
+    ]
+    if not whole:
+        return ""
+    return (
+        f"mind that joints, ties or masses hold all of {' and '.join(dict.fromkeys(whole))}, whose "
+        "nodes then touch nothing: hold a part of it, by a smaller radius, or another surface"
+    )
 
 
 @dataclass(frozen=True)

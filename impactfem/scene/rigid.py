@@ -19,7 +19,13 @@ from impactfem.scene.kinds import Choice, FilePath, Line, Name, Real
 from impactfem.scene.mesh_files import PART
 from impactfem.scene.points import COORDINATES
 from impactfem.scene.rigid_forms import Form, form_of, form_of_surface
-from impactfem.scene.rigid_keys import InertiaKind, Orientation, check_forces, inertia_fault, rotation
+from impactfem.scene.rigid_keys import (
+    InertiaKind,
+    Orientation,
+    check_forces,
+    inertia_fault,
+    rotation,
+)
 from impactfem.scene.rigid_shapes import RIGID_SHAPES, RigidShape
 from impactfem.scene.schema import KeyedError, aside, key, table
 from impactfem.scene.surface_files import MESH_SIZE, SCALE, SURFACE_FILES, closed_surface

@@ -233,19 +233,28 @@ class Scene(Content):
             raise SceneError(f"{path}: {error}") from None
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any], base: str | os.PathLike[str] | None = None) -> Self:
+    def from_dict(
+        cls,
+        data: Mapping[str, Any],
+        base: str | os.PathLike[str] | None = None,
+        *,
+        folder: str | os.PathLike[str] | None = None,
+    ) -> Self:
         """Make a scene from tables as TOML has them; keys with the value None count as absent.
 
         Args:
             data: keys ``title, duration, gravity, start, body, obstacle, contact, joint, spring,
                 tie, point_mass, probe, parameter, control, controller, measure, objective,
                 trajectory, drop, solve, output``.
-            base: folder where relative mesh paths start.
+            base: folder where relative paths of meshes, robots and tables start; absent: that
+                in which the program runs.
+            folder: the same by the name of the scene's own attribute.
 
         Raises:
             SceneError: naming the key, e.g. ``body[0].length``.
         """
         load_installed()
+        base = folder if base is None else base
         token = FOLDER.set(None if base is None else Path(base))
         try:
             return cls._from_dict(data, base)

@@ -158,3 +158,11 @@ def test_two_ranks_do_the_same(monkeypatch):
         np.testing.assert_allclose(
             both.history[name].values, one.history[name].values, rtol=1e-10, atol=1e-10
         )
+
+
+def test_a_surface_that_joints_take_whole_is_named():
+    """As the likely cause where nothing holds a body that seems to stand on a floor."""
+    floor = {"kind": "half_space", "name": "floor", "point": [0.0, -0.12], "normal": [0.0, 1.0]}
+    mass = {"name": "m", "body": "block", "surface": "bottom", "mass": 0.1}
+    with pytest.raises(impactfem.SceneError, match="hold all of block/bottom, whose nodes then"):
+        run([BLOCK], [], obstacle=[floor], point_mass=[mass])

@@ -229,8 +229,9 @@ def test_written_mesh_paths_of_all_bodies_still_resolve(tmp_path):
             "title": "two parts", "duration": 1.0,
             "body": [solid | {"name": name, "mesh": f"{name}.msh"} for name in ("one", "two")],
         },
-        base=tmp_path,
+        folder=tmp_path,
     )  # fmt: skip
+    assert scene.folder == tmp_path
     (tmp_path / "deep").mkdir()
     (tmp_path / "deep/used.toml").write_text(scene.to_toml(tmp_path / "deep"))
     read = Scene.from_toml(tmp_path / "deep/used.toml")
