@@ -50,14 +50,13 @@ class InertiaKind(Kind):
         return [list(row) for row in value] if isinstance(value, tuple) else value
 
 
-def check_forces(
-    body: Any, moving: Mapping[str, float], turning: Mapping[str, float]
-) -> None:  # fmt: skip
+def check_forces(body: Any, moving: Mapping[str, float], turning: Mapping[str, float]) -> None:
     """Refuse formulas that need other coordinates, or have no finite value at the start.
 
     Args:
         body: With `force` and `moment`, formulas or None.
-        moving, turning: What the first and the second may use besides t, at the start.
+        moving: What the first may use besides t, at the start.
+        turning: What the second may.
 
     Raises:
         KeyedError: naming the key.
