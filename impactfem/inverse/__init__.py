@@ -8,7 +8,7 @@ from impactfem.inverse.identification import Identified, identify
 from impactfem.inverse.optimisation import Optimised, optimise
 from impactfem.scene import Control, Measure, Objective, Parameter, Term
 from impactfem.scene.trajectory import Cost, TrajectoryKeys
-from impactfem.trajectory import Transcribed
+from impactfem.trajectory import Impact, Transcribed
 from impactfem.trajectory.scenes import Planned, trajectory
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Cost",
     "Gradient",
     "Identified",
+    "Impact",
     "Measure",
     "Objective",
     "Optimised",

@@ -11,8 +11,9 @@ from impactfem.arrays import Floats
 from impactfem.trajectory.motion import Motion
 from impactfem.trajectory.nlp import Answer, Program
 from impactfem.trajectory.problem import Problem, Row, bounds_of, held
+from impactfem.trajectory.struck import Struck
 from impactfem.trajectory.symbols import loaded
-from impactfem.trajectory.transcriptions import Interval, Spot, Transcription
+from impactfem.trajectory.transcriptions import Interval, Spot, Transcription, runge_kutta
 
 
 @dataclass(frozen=True)
@@ -34,19 +35,22 @@ class Guess:
         states: Of shares of the duration (k,) to (k, n).
         controls: To (k, m).
         parameters: (q,).
+        counts: Impacts of each kind (J,), to which the search is kept; None: it is not.
     """
 
     duration: float
     states: Callable[[Floats], Floats]
     controls: Callable[[Floats], Floats]
     parameters: Floats
+    counts: Floats | None = None
 
     @classmethod
-    def of(cls, motion: Motion) -> "Guess":
+    def of(cls, motion: Motion, counts: Floats | None = None) -> "Guess":
         """A motion that was found on another mesh."""
-        return cls(motion.duration, motion.state_at, motion.control_at, motion.parameters)
+        return cls(motion.duration, motion.state_at, motion.control_at, motion.parameters, counts)
 
 
+_INSIDE = 1e-9  # of a size, by which gaps at nodes may be closed: they are where impacts end
 _SHARE = 0.03  # of the size of controls, whose cost is the size of the cost
 
 
@@ -96,6 +100,8 @@ class Stretch:
         self._ends(problem.start_rows, left.x)
         halves = 0.5 * (self.fractions[1:] + self.fractions[:-1])
         amid, at_halves = self._control_middles(u, halves), self.guess.states(halves)
+        # Kept here: CasADi counts no references of functions written in Python.
+        self.flow = Struck(problem) if problem.impacts else runge_kutta(problem.rate)
         for k in range(1, nodes):
             limits = ends[1] if k == nodes - 1 else bounds
             held_control = self.control == "constant"
@@ -106,7 +112,7 @@ class Stretch:
             inner = self._state_unknown(bounds, at_halves[k - 1]) if row.middles else left.x
             middle = left.at((left.t + right.t) / 2, inner, amid[k - 1])
             h = self.duration * (self.fractions[k] - self.fractions[k - 1])
-            end, between, cost = row.step(Interval(h, left, right, middle))
+            end, between, cost = row.step(Interval(h, left, right, middle, self.flow))
             program.cost = program.cost + cost
             if row.shoots:
                 right = right.at(right.t, end, right.u)
@@ -124,6 +130,8 @@ class Stretch:
         self._path(left)
         self._ends(problem.end_rows, left.x)
         program.cost = program.cost + self._last_cost(left)
+        if isinstance(self.flow, Struck) and self.guess.counts is not None:
+            program.cost = program.cost + self.flow.unlike(self.guess.counts)
 
     def _ends(self, rows: Sequence[Row], x: Any) -> None:
         for row in rows:
@@ -178,10 +186,16 @@ class Stretch:
         self.program.row(rows, low, high, name)
 
     def _path(self, spot: Spot) -> None:
+        t = self.fractions[len(self.lefts)] * self.guess.duration
+        if self.problem.impacts and not self.row.shoots:  # nodes are outside of what is struck
+            gaps = self.problem.gaps(spot.t, spot.x, spot.u, spot.p)
+            struck = [impact.name for impact in self.problem.impacts]
+            self.program.row(
+                gaps, -_INSIDE, np.inf, lambda i: f"the gap of {struck[i]} at t = {t:.4g} s"
+            )
         if self.problem.path is None:
             return
         rows = self.problem.limited(spot.t, spot.x, spot.u, spot.p)
-        t = self.fractions[len(self.lefts)] * self.guess.duration
         self.program.row(
             rows, -np.inf, 0.0, lambda i: f"{self.problem.path_name(i)} at t = {t:.4g} s"
         )

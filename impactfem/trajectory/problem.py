@@ -13,6 +13,7 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
+from impactfem.trajectory.impacts import Impact
 from impactfem.trajectory.symbols import loaded, tried
 
 type Limits = tuple[float, float] | None
@@ -67,6 +68,7 @@ class Problem:
         path_names: For messages.
         start_rows: What else holds at t = 0.
         end_rows: What else holds at t = T.
+        impacts: What the motion strikes; only shooting goes through.
     """
 
     dynamics: Callable[..., Any]
@@ -82,6 +84,7 @@ class Problem:
     path_names: tuple[str, ...] = ()
     start_rows: tuple[Row, ...] = ()
     end_rows: tuple[Row, ...] = ()
+    impacts: tuple[Impact, ...] = ()
 
     @classmethod
     def of(
@@ -127,6 +130,14 @@ class Problem:
             )
         if cost != 1 or self.last.size1_out(0) != 1:
             raise SceneError("cost: is not one number; give a sum")
+        for impact, jump in zip(self.impacts, self.jumps, strict=True):
+            if jump.size1_out(0) != rate:
+                raise SceneError(
+                    f"impacts: the jump of {impact.name} has {jump.size1_out(0)} entries for "
+                    f"{rate} states; give each just after the impact"
+                )
+        if self.gaps.size1_out(0) != len(self.impacts):
+            raise SceneError("impacts: a gap is not one number; give an Impact for each")
 
     @cached_property
     def rate(self) -> Any:
@@ -144,6 +155,22 @@ class Problem:
         if self.path is not None:
             told = tried("path", self.path, self._asked(symbols))
         return _function("limited", symbols, [told])
+
+    @cached_property
+    def gaps(self) -> Any:
+        """(t, x, u, p) to the gaps of impacts, (J,)."""
+        symbols = self._symbols()
+        told = [tried(each.name, each.gap, self._asked(symbols)) for each in self.impacts]
+        return _function("gaps", symbols, [loaded().vertcat(loaded().MX(0, 1), *told)])
+
+    @cached_property
+    def jumps(self) -> list[Any]:
+        """Of each impact (t, x, u, p) to the states just after it, (n,)."""
+        symbols = self._symbols()
+        return [
+            _function("jump", symbols, [tried(each.name, each.jump, self._asked(symbols))])
+            for each in self.impacts
+        ]
 
     @cached_property
     def last(self) -> Any:

@@ -89,6 +89,8 @@ def run_again(planned: Planned, run: Callable[[Scene], Any]) -> Ran:
         pass
     else:
         return _ran(planned, result, "event_driven", 0.0, 0.0)
+    if found.problem.impacts:  # which steps take to first order only
+        return Ran(why=f"{found.follower} follows it from impact to impact in its coordinates")
     steps, before, answer = count * max(1, round(_FIRST * found.nodes / count)), None, Ran()
     while steps <= _STEPS or before is None:
         dt = found.duration / steps

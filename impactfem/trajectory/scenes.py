@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -11,21 +10,22 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
-from impactfem.scene import Mechanism, Scene
+from impactfem.scene import Scene
 from impactfem.scene.formula import Formula
 from impactfem.scene.grammar import FormulaError
-from impactfem.scene.obstacles import HalfSpace
-from impactfem.scene.points import Point
 from impactfem.scene.trajectory import TrajectoryKeys
 from impactfem.scene.values import show
 from impactfem.trajectory.bodies import Symbolic, in_symbols, symbolic
+from impactfem.trajectory.contacts import Closing, closings
 from impactfem.trajectory.problem import Problem, Row
+from impactfem.trajectory.resimulated import by_events
 from impactfem.trajectory.symbols import loaded
 from impactfem.trajectory.transcribing import Transcribed, solved
+from impactfem.trajectory.transcriptions import transcription_of
 
 _COLUMN = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 _REST = (0.0, 0.0)
-_CORNERS = 16  # of a body that keeps off an obstacle
+_FINE = 10  # rows of what follows in each interval
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,7 @@ class Planned:
         names: Of the columns.
         at_start: Columns as the scene starts.
         limits: Of joints, by the column of their coordinate.
+        fine: What really follows, at times (k,) also between nodes: states (k, n).
     """
 
     scene: Scene
@@ -51,6 +52,7 @@ class Planned:
     names: tuple[str, ...]
     at_start: Mapping[str, float]
     limits: Mapping[str, tuple[float, float]]
+    fine: tuple[Floats, Floats]
 
     def table(self, times: Floats, states: Floats) -> dict[str, Floats]:
         """All columns at some times (k,) of states (k, n)."""
@@ -90,11 +92,17 @@ def trajectory(scene: Scene | str | Path) -> Planned:
     asked = _Asked(scene, wanted, symbolic(scene))
     problem = asked.problem()
     found = solved(
-        problem, wanted.transcription, wanted.nodes, wanted.refine or 0.0, None,
+        problem, wanted.transcription, wanted.nodes, wanted.refine or 0.0,
+        {control.name: control.values for control in scene.controls},
         control=_course(scene), most=wanted.max_iterations,
     )  # fmt: skip
     known = asked.known
     casadi, tree = loaded(), known.tree
+    if asked.struck:
+        fine = by_events(known, asked.struck, found, _FINE)
+        found = found.with_followed("event_driven", fine[1][::_FINE])
+    else:
+        fine = found.follow(_FINE)
     columns = casadi.Function(
         "columns", [tree.t, casadi.vertcat(tree.q, tree.v), known.controls],
         [casadi.vertcat(*known.columns.values())],
@@ -103,7 +111,7 @@ def trajectory(scene: Scene | str | Path) -> Planned:
     told = np.asarray(columns(0.0, begun, np.zeros(len(known.names))), dtype=float).ravel()
     return Planned(
         scene, found, tuple(asked.rests), tuple(asked.unseen), columns, tuple(known.columns),
-        dict(zip(known.columns, told.tolist(), strict=True)), _limits(scene, known),
+        dict(zip(known.columns, told.tolist(), strict=True)), _limits(scene, known), fine,
     )  # fmt: skip
 
 
@@ -131,6 +139,8 @@ class _Asked:
         self.names = [f.name for f in tree.freedoms] + [f.rate for f in tree.freedoms]
         self.rests: list[str] = []
         self.unseen: list[str] = []
+        self.struck: list[Closing] = []
+        self.through = transcription_of(wanted.transcription).through
 
     def problem(self) -> Problem:
         """The problem.
@@ -148,7 +158,10 @@ class _Asked:
         })  # fmt: skip
         end, end_rows = self._ends("end", {})
         running, final = self._cost()
-        paths = [*paths, *self._gaps(), *self._paths()]
+        gaps, self.unseen = closings(self.scene, known)
+        self.struck = [each for each in gaps if self.through and each.restitution]
+        paths += [(f"{e.name} stays open", -e.gap) for e in gaps if e not in self.struck]
+        paths += self._paths()
         limited = casadi.Function("path", [t, x, u], [casadi.vertcat(*(e for _, e in paths))])
         controls = {control.name: control.limits for control in self.scene.controls}
         span = self.wanted.duration or (self.scene.duration,)
@@ -157,6 +170,7 @@ class _Asked:
             running=running, final=final, path=limited if paths else None,
             path_names=tuple(name for name, _ in paths),
             start_rows=tuple(start_rows), end_rows=tuple(end_rows),
+            impacts=tuple(each.impact(known) for each in self.struck),
         )  # fmt: skip
 
     def _column(self, key: str, name: str) -> Any:
@@ -223,7 +237,9 @@ class _Asked:
     def _bounds(self) -> tuple[dict[str, Any], list[tuple[str, Any]]]:
         """Limits of states, and of columns that are none, as paths."""
         states: dict[str, tuple[float, float]] = dict.fromkeys(self.names, (-np.inf, np.inf))
-        states |= _limits(self.scene, self.known)
+        struck = {f"{j.name}.q" for j in self.scene.joints if j.restitution and self.through}
+        every = _limits(self.scene, self.known)
+        states |= {name: pair for name, pair in every.items() if name not in struck}
         paths: list[tuple[str, Any]] = []
         for name, limits in self.wanted.bounds.items():
             column = self._column("bounds", name)
@@ -260,36 +276,6 @@ class _Asked:
             found.append((text, in_symbols(formula, known)))
         return found
 
-    def _gaps(self) -> list[tuple[str, Any]]:
-        """Contacts stay open: corners and balls keep off half-spaces that stand still."""
-        casadi, found = loaded(), []
-        obstacles = {each.name: each for each in self.scene.obstacles}
-        bodies = {body.name: body for body in self.scene.bodies}
-        for one, two in self._pairs():
-            body, obstacle = bodies[one], obstacles.get(two)
-            nodes = _outline(body)
-            if not isinstance(obstacle, HalfSpace) or obstacle.moves or nodes is None:
-                self.unseen.append(f"{one}.{two}")
-                continue
-            normal = _space(obstacle.normal) / np.linalg.norm(obstacle.normal)
-            for place, radius in zip(*nodes, strict=True):
-                away = self.known.tree.place(one, place) - casadi.DM(_space(obstacle.point))
-                gap = casadi.dot(casadi.DM(normal), away)
-                found.append((f"{one} stays off {two}", radius - gap))
-        return found
-
-    def _pairs(self) -> list[tuple[str, str]]:
-        """What may meet: a body, and an obstacle or another body."""
-        scene = self.scene
-        names = [body.name for body in scene.bodies]
-        if scene.laws.each:
-            said = [tuple(name.partition("/")[0] for name in e.between) for e in scene.laws.each]
-            return [(a, b) if a in names else (b, a) for a, b in said]
-        pairs = [(one, each.name) for one in names for each in scene.obstacles]
-        joined = {joint.bodies for joint in scene.joints}
-        wide = [b.name for b in scene.bodies if not isinstance(b, Point) or b.radius]
-        return pairs + [p for p in combinations(wide, 2) if frozenset(p) not in joined]
-
     def _cost(self) -> tuple[Any, Any]:
         """Integrand, and cost of the end."""
         casadi, known = loaded(), self.known
@@ -312,26 +298,6 @@ class _Asked:
             "running", [known.tree.t, self.x, known.controls], [casadi.SX(effort)]
         )
         return running, (lambda t, *_: time * t) if time else None
-
-
-def _outline(body: Any) -> tuple[Floats, Floats] | None:
-    """Centres at t = 0 (k, 3) and radii (k,) of balls whose hull it is; None: it is none."""
-    if isinstance(body, Point):
-        return _space(body.position)[None], np.array([body.radius])
-    if isinstance(body, Mechanism):
-        return None
-    form = body.form
-    if len(form.rim) or len(form.nodes) > _CORNERS:
-        return None
-    nodes = body.center + (form.nodes - body.center) @ body.rotation.T
-    return np.array([_space(node) for node in nodes]), np.broadcast_to(form.radius, len(nodes))
-
-
-def _space(values: Any) -> Floats:
-    """Three numbers, 0 where fewer are given."""
-    found = np.zeros(3)
-    found[: len(values)] = values
-    return found
 
 
 def _moved(limits: tuple[float, float], one: tuple[int, float, float]) -> tuple[float, float]:

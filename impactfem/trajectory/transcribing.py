@@ -13,10 +13,12 @@ from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.trajectory.building import Guess, Sizes, Stretch, cost_size, sizes_of
 from impactfem.trajectory.following import Followed, followed, followed_closely
+from impactfem.trajectory.impacts import Impact
 from impactfem.trajectory.motion import Motion
 from impactfem.trajectory.nlp import Answer, Program
 from impactfem.trajectory.problem import Given, Limited, Problem, bounds_of, held
-from impactfem.trajectory.transcriptions import Transcription, transcription_of
+from impactfem.trajectory.struck import Struck
+from impactfem.trajectory.transcriptions import TRANSCRIPTIONS, Transcription, transcription_of
 
 _JUDGED = 1e-3  # defect that is allowed where no mesh is refined
 _ROUNDS = 12  # of refinement
@@ -50,6 +52,7 @@ class Transcribed:
         refine: Largest defect that was asked for; 0: the mesh was kept.
         rounds: Number N of intervals of each mesh that was solved.
         seconds: That it took [s].
+        follower: Who tells what really follows.
     """
 
     problem: Problem
@@ -65,6 +68,11 @@ class Transcribed:
     _motion: Motion
     _followed: Followed
     _sizes: Floats
+    follower: str = "dop853"
+
+    def with_followed(self, method: str, states: Floats) -> "Transcribed":
+        """The same with what really follows by another method, at the nodes (N + 1, n)."""
+        return replace(self, follower=method, _followed=replace(self._followed, states=states))
 
     @property
     def duration(self) -> float:
@@ -135,6 +143,12 @@ class Transcribed:
     def resimulated(self) -> dict[str, Floats]:
         """What really follows from start and controls, at the nodes (N + 1,); see `followed`."""
         return dict(zip(self.problem.states, self._followed.states.T, strict=True))
+
+    @property
+    def impacts(self) -> list[dict[str, Any]]:
+        """Time [s] and name of each impact of what really follows."""
+        names = [impact.name for impact in self.problem.impacts]
+        return [{"time": t, "of": names[j]} for t, j in self._followed.impacts]
 
     @property
     def resimulated_cost(self) -> float:
@@ -236,6 +250,7 @@ class Transcribed:
             "duration": self.duration, "parameters": self.parameters,
             "kkt_residual": self.kkt_residual, "defect_max": self.defect_max,
             "resimulated_distance": self.resimulated_distance,
+            "followed_by": self.follower, "impacts": self.impacts,
             "resimulated_end_error": self.resimulated_end_error, "end_errors": self.end_errors,
             "allowed_end_error": self.allowed, "bounds_exceeded": self.bounds_exceeded,
             "nodes": self.nodes, "rounds": list(self.rounds), "iterations": self.iterations,
@@ -248,6 +263,7 @@ def transcribe(
     duration: float | tuple[float, float], start: Given | None = None, end: Given | None = None,
     running: Callable[..., Any] | None = None, final: Callable[..., Any] | None = None,
     path: Callable[..., Any] | None = None, parameters: Limited = (),
+    impacts: Sequence[Impact] = (),
     transcription: str = "hermite_simpson", nodes: int = 40, refine: float = 0.0,
     control: str = "linear", guess: "Mapping[str, ArrayLike] | Transcribed | None" = None,
     max_iterations: int = 1000,
@@ -277,6 +293,7 @@ def transcribe(
         final: Cost of the end, (T, x[, p]).
         path: What stays <= 0 at all nodes (and amid intervals, with "hermite_simpson").
         parameters: Constants that are searched, as states.
+        impacts: What the motion strikes (`impactfem.inverse.Impact`), through which shooting goes.
         transcription: A row of the table: "euler", "midpoint", "trapezoid", "hermite_simpson",
             "multiple_shooting", "single_shooting".
         nodes: Number N of intervals of the first mesh.
@@ -292,7 +309,7 @@ def transcribe(
     """
     problem = Problem.of(
         dynamics, states, controls, parameters, duration, start or {}, end or {},
-        running=running, final=final, path=path,
+        running=running, final=final, path=path, impacts=tuple(impacts),
     )  # fmt: skip
     return solved(
         problem, transcription, nodes, refine, guess, control=control, most=max_iterations
@@ -307,17 +324,29 @@ def solved(
     row = transcription_of(transcription)
     if control not in {"linear", "constant"}:
         raise SceneError(f'control: "{control}" is not known; give "linear" or "constant"')
+    if problem.impacts and not row.through:
+        through = [name for name, each in TRANSCRIPTIONS.items() if each.through]
+        raise SceneError(
+            f'transcription: "{transcription}" does not go through impacts '
+            f"({problem.impacts[0].name}); give {' or '.join(through)}"
+        )
     if not (isinstance(nodes, int) and 1 <= nodes <= _NODES):
         raise SceneError(f"nodes: {nodes} is no number of intervals; give 1 to {_NODES}")
     if not 0.0 <= refine < 1.0:
         raise SceneError(f"refine: {refine} is no defect; give 0 (no refinement) to 1, as 1e-6")
     search = _Search(problem, row, control == "constant", most)
     begun = time.perf_counter()
-    first = guess.as_guess() if isinstance(guess, Transcribed) else begin(problem, guess or {})
-    found = search.refined(np.linspace(0.0, 1.0, nodes + 1), first, refine)
+    given = {} if isinstance(guess, Transcribed) else guess or {}
+    first = guess.as_guess() if isinstance(guess, Transcribed) else begin(problem, given)
+    mesh = np.linspace(0.0, 1.0, nodes + 1)
+    if problem.impacts:
+        first = rolled_out(problem, first, mesh)
+    found = search.refined(mesh, first, refine)
     message = found.answer.said
     if found.answer.status == "infeasible":
         message = search.why_infeasible(found.answer, first)
+    elif found.answer.status != "converged" and problem.impacts:
+        message = f"the search did not converge (Ipopt: {message}){_kept(problem, first)}"
     elif found.answer.status == "not_converged":
         message = (
             f"the search did not converge (Ipopt: {message}) in {found.answer.iterations} "
@@ -363,7 +392,7 @@ class _Search:
                 *(np.linspace(a, b, count, endpoint=False)
                   for a, b, count in zip(mesh[:-1], mesh[1:], pieces, strict=True)), [1.0],
             ])  # fmt: skip
-            finer = self.solved(mesh, Guess.of(found.motion))
+            finer = self.solved(mesh, Guess.of(found.motion, guess.counts))
             if finer.answer.status != "converged":
                 break
             found = finer
@@ -378,7 +407,7 @@ class _Search:
             share = abs(answer.cost) / size
             if answer.status != "converged" or not share or _NEAR_ONE[0] < share < _NEAR_ONE[1]:
                 break
-            size, guess = abs(answer.cost), Guess.of(motion)
+            size, guess = abs(answer.cost), Guess.of(motion, guess.counts)
         self.rounds.append(len(mesh) - 1)
         spans = np.maximum(motion.spans(), 1e-3 * sizes.states)
         return _Found(answer, motion, followed(self.problem, motion, spans), spans)
@@ -397,6 +426,8 @@ class _Search:
     def why_infeasible(self, answer: Answer, guess: Guess) -> str:
         """What cannot be met, and the least duration with which it can."""
         told = f"no motion was found that meets all that is asked; farthest off is {answer.worst}"
+        if self.problem.impacts:
+            return told + _kept(self.problem, guess)
         low, high = self.problem.duration
         longer = replace(
             self.problem, duration=(1e-3 * low, _LONGER * high), running=None,
@@ -410,6 +441,18 @@ class _Search:
         if found.status == "converged" and found.cost > high:
             return f"{told}; the shortest duration that was found is {found.cost:.4g} s: give that"
         return f"{told}; widen bounds, or ask for less at the ends"
+
+
+def _kept(problem: Problem, guess: Guess) -> str:
+    """To what a search through impacts is kept, and the remedy."""
+    counts = np.zeros(len(problem.impacts)) if guess.counts is None else guess.counts
+    told = ", ".join(
+        f"{each.name}: {count:.0f}" for each, count in zip(problem.impacts, counts, strict=True)
+    )
+    return (
+        f"; it was kept to motions that strike as often as the guess does ({told}): give a guess, "
+        "as values of controls, that strikes as it should and ends nearer, or ask for less"
+    )
 
 
 def begin(problem: Problem, given: Mapping[str, ArrayLike]) -> Guess:
@@ -446,6 +489,34 @@ def begin(problem: Problem, given: Mapping[str, ArrayLike]) -> Guess:
         return at
 
     return Guess(duration, along(lines), along(pushes), np.array(parameters))
+
+
+def rolled_out(problem: Problem, guess: Guess, mesh: Floats) -> Guess:
+    """A guess whose states follow from its controls, through impacts to whose count it is kept.
+
+    Raises:
+        SceneError: Its impacts accumulate, or it cannot be followed.
+    """
+    flow, times, n = Struck(problem), guess.duration * mesh, len(problem.states)
+    controls, counts = guess.controls(mesh), np.zeros(len(problem.impacts))
+    states = [guess.states(mesh[:1])[0]]
+    for k, h in enumerate(np.diff(times)):
+        ends = controls[k], controls[k + 1]
+        z = np.concatenate([times[k : k + 1], states[-1], *ends, guess.parameters, [h]])
+        told = np.asarray(flow.value(z, 0), dtype=float).ravel()
+        if not np.isfinite(told).all():
+            raise SceneError(
+                f"guess: cannot be followed after t = {times[k]:.4g} s: impacts accumulate in "
+                "lasting contact, or rates grow endless; shooting goes through impacts alone: give "
+                "controls that keep bodies from rest on what they strike, or a shorter duration"
+            )
+        states.append(told[:n])
+        counts += told[n + 1 :]
+    found = np.array(states).T
+    return replace(
+        guess, states=lambda at: np.array([np.interp(at, mesh, each) for each in found]).T,
+        counts=counts,
+    )  # fmt: skip
 
 
 def _values(side: Given) -> dict[str, float]:

@@ -65,12 +65,14 @@ class Interval:
         left: At its beginning.
         right: At its end.
         middle: In its middle; its state is unknown where the transcription has such.
+        flow: (t, x, control at both ends, p, h) to the state after h, and the cost.
     """
 
     h: Any
     left: Spot
     right: Spot
     middle: Spot
+    flow: Any
 
 
 type Step = Callable[[Interval], tuple[Any, Any, Any]]
@@ -107,13 +109,12 @@ def _shooting(over: Interval) -> tuple[Any, Any, Any]:
     Derivatives of one function are made once; those of all intervals written out are not.
     """
     left = over.left
-    step = _runge_kutta(left.function)
-    end, cost = step(left.t, left.x, left.u, over.right.u, left.p, over.h)
+    end, cost = over.flow(left.t, left.x, left.u, over.right.u, left.p, over.h)
     return end, None, cost
 
 
 @cache
-def _runge_kutta(function: Any) -> Any:
+def runge_kutta(function: Any) -> Any:
     """(t, x, control at both ends, p, h) to the state at the end, and the cost."""
     casadi = loaded()
     t, begun, u, p = function.mx_in()
@@ -149,6 +150,7 @@ class Transcription:
         control: Between nodes: "constant", "linear", "quadratic"; "either": the first two.
         middles: Whether states in the middle of intervals are unknown.
         shoots: Whether only controls are unknown: states follow from the start.
+        through: Whether it goes through impacts.
         text: What it is.
     """
 
@@ -158,6 +160,7 @@ class Transcription:
     text: str
     middles: bool = False
     shoots: bool = False
+    through: bool = False
 
 
 TRANSCRIPTIONS: Mapping[str, Transcription] = {
@@ -169,10 +172,12 @@ TRANSCRIPTIONS: Mapping[str, Transcription] = {
         middles=True,
     ),
     "multiple_shooting": Transcription(
-        _shooting, 4, "either", "Runge-Kutta between nodes, states at nodes unknown"
+        _shooting, 4, "either", "Runge-Kutta between nodes, states at nodes unknown",
+        through=True,
     ),
     "single_shooting": Transcription(
-        _shooting, 4, "either", "Runge-Kutta from the start, controls alone unknown", shoots=True
+        _shooting, 4, "either", "Runge-Kutta from the start, controls alone unknown", shoots=True,
+        through=True,
     ),
 }  # fmt: skip
 """Transcriptions by name."""

@@ -144,14 +144,21 @@ class Tree:
                 total += own.T @ casadi.DM(part.inertia) @ own
         return total
 
-    def forward(self) -> Any:
-        """V' (d,)."""
+    def force(self) -> Any:
+        """M v', (d,): what pushes, less inertial forces."""
         casadi = loaded()
-        mass = self.mass()
-        impulse = mass @ self.v
+        impulse = self.mass() @ self.v
         drift = casadi.jtimes(impulse, self.q, self.v)
         drift -= casadi.gradient(casadi.dot(self.v, impulse) / 2, self.q)
-        return _solved(mass, sum(self.pushes) - drift)
+        return sum(self.pushes) - drift
+
+    def solved(self, right: Any) -> Any:
+        """What M x = right has for x, (d,)."""
+        return _solved(self.mass(), right)
+
+    def forward(self) -> Any:
+        """V' (d,)."""
+        return self.solved(self.force())
 
 
 def _solved(matrix: Any, right: Any) -> Any:

@@ -16,8 +16,6 @@ from impactfem.report.table import table
 from impactfem.trajectory.running import Ran
 from impactfem.trajectory.scenes import Planned
 
-_FINE = 10  # rows of what follows in each interval
-
 
 def trajectory_table(planned: Planned, ran: Ran) -> str:
     """A motion for a terminal, and the run of the scene with its controls."""
@@ -80,7 +78,7 @@ def write_trajectory(planned: Planned, ran: Ran, folder: Path, run: Mapping[str,
     found = planned.found
     summary = found.summary | {
         "ends_at_rest": list(planned.rests), "unseen_contacts": list(planned.unseen),
-        "doubts": [*found.doubts, *ran.doubts(found.allowed)], "resimulated_by": "dop853",
+        "doubts": [*found.doubts, *ran.doubts(found.allowed)], "resimulated_by": found.follower,
         "run": dict(run),
         "followed_distance": found.resimulated_distance,
         "followed_end_error": found.resimulated_end_error,
@@ -109,8 +107,7 @@ def write_trajectory(planned: Planned, ran: Ran, folder: Path, run: Mapping[str,
 
 def followed_table(planned: Planned) -> dict[str, Floats]:
     """What really follows, at places between nodes too."""
-    times, states = planned.found.follow(_FINE)
-    return planned.table(times, states)
+    return planned.table(*planned.fine)
 
 
 def trajectory_picture(planned: Planned, fine: Mapping[str, Floats]) -> Any:
