@@ -16,12 +16,11 @@ from scipy.sparse.linalg import splu
 from impactfem.arrays import Floats
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.rooted import Rooted
-from impactfem.contact.rooted_kernels import gathered_roots, sweep_roots
-from impactfem.contact.sparse_rows import across, rows_of
+from impactfem.contact.rooted_kernels import gathered_roots, motion_of, sweep_roots, swept_forces
+from impactfem.contact.sparse_rows import rows_of
 
 _ROUNDING = 1e-13  # share of the largest displacement that counts as zero
-_CLOSER = 0.3  # by which sweeps end closer than what is asked, and again if that was not enough
-_SWEEPS, _ASKED, _LAST = 200, 3000, 5000  # before Newton's method; for what is asked; after it
+_LAST = 5000  # sweeps after Newton's method
 _STEPS = 12  # of Newton in a proximal step
 _FIRST, _MOST, _FALLS, _GROWS = 1e-3, 10.0, 0.1, 5.0  # compliances, as in `friction_solver`
 _PROXIMAL, _IN_VAIN = 25, 6  # proximal steps, and those one after the other that find nothing
@@ -90,33 +89,32 @@ class Many:
 
     def swept(self, start: Floats, accuracy: Accuracy) -> tuple[Floats, NDArray[np.bool_]]:
         """Forces by sweeps from some forces, and of which pairs they are not found."""
-        force, share = start.copy(), (accuracy.asked or 0.0) * _CLOSER
-        left = _SWEEPS if accuracy.asked is None else _ASKED
-        while True:
-            done, settled = self._sweep(force, share, left)
-            error, least = self.missed(force)
-            left -= done
-            worst, largest = np.abs(error).max(axis=1), float(np.abs(force).max(initial=0.0))
-            wrong = worst > np.maximum((accuracy.asked or 0.0) * largest, least)
-            if not wrong.any() or left <= 0 or (settled and not share):
-                return force, wrong
-            share *= _CLOSER
+        gathered, size, own, offset, law, scale, force = self._spread(start)
+        found = size, own, offset, *law, scale, force, self._tolerance, accuracy.asked or 0.0
+        wrong, left = swept_forces(gathered, *found)
+        if accuracy.asked is not None:
+            accuracy.reached = max(accuracy.reached, min(float(left), accuracy.asked))
+        return force[:, : start.shape[1]].copy(), wrong
 
-    def _sweep(self, force: Floats, share: float, most: int) -> tuple[int, bool]:
-        """Sweep over all pairs; the sweeps made, and whether forces change no more."""
-        problem, (pairs, dim) = self.problem, force.shape
+    def _last(self, start: Floats) -> Floats:
+        """Forces after many sweeps."""
+        gathered, size, own, offset, law, scale, force = self._spread(start)
+        least = 0.1 * self._tolerance / scale.min(axis=1)
+        motion = motion_of(gathered, force, size)
+        sweep_roots(*gathered, own, offset, *law, force, motion, _LAST, 0.0, least)
+        return np.asarray(force[:, : start.shape[1]]).copy()
+
+    def _spread(self, start: Floats) -> tuple[Any, ...]:
+        """The problem as kernels take it: three components of each pair."""
+        problem, (pairs, dim) = self.problem, start.shape
         if self._gathered is None:
             self._gathered = gathered_roots(*rows_of(self.matrix.roots), pairs, dim)
         more = [(0, 0), (0, 3 - dim)]
         own, offset = np.pad(self.own, [*more, more[1]]), np.pad(problem.offset, more)
-        found, motion = np.pad(force, more), across(self.matrix.roots, force.ravel())
-        least = 0.1 * self._tolerance / self._scale.min(axis=1)
+        scale = np.ascontiguousarray(self._scale[:, :2])
         law = problem.friction, problem.base
-        done, settled = sweep_roots(
-            *self._gathered, own, offset, *law, found, motion, most, share, least
-        )
-        force[:] = found[:, :dim]
-        return int(done), bool(settled)
+        size = self.matrix.roots.shape[1]
+        return self._gathered, size, own, offset, law, scale, np.pad(start, more)
 
     def residual(self, force: Floats) -> float:
         """Largest error of the law in a force, as a share of the largest force."""
@@ -144,8 +142,7 @@ class Many:
             if missed < least:
                 best, least = force, missed
         if least > share:
-            swept = best.copy()
-            self._sweep(swept, 0.0, _LAST)
+            swept = self._last(best)
             missed = self.residual(swept)
             best, least = (swept, missed) if missed < least else (best, least)
         return best, least, total

@@ -34,14 +34,14 @@ from impactfem.contact.friction_solutions import STICK, stuck
 from impactfem.contact.rooted import Rooted, full
 from impactfem.errors import ConvergenceError
 
-_FEW = 60  # pairs up to which an island has an array of answers
+FEW = 60  # pairs up to which an island has an array of answers
 _HELD = 1e-12  # share of the largest compliance below which a direction does not yield
 _DEPENDENT = 1e-9  # least eigenvalue of the matrix with unit diagonal
 _SWEEPS = ((100, 0.0), (5, 0.5), (1000, 0.0), (80, 0.25))
 """Sweeps with bounds that follow (share 0), or problems with frozen ones and the damping."""
 _FROZEN = 200
 _GROWING = (0.05, 0.1, 0.2, 0.4, 0.7)  # shares of the friction
-_STICK = (*STICK[0], _HELD), STICK[1]  # as `few_cones` has it
+STICKING = (*STICK[0], _HELD), STICK[1]  # as `few_cones` has it
 
 
 @dataclass(frozen=True)
@@ -135,30 +135,27 @@ def solve_cones(
     Raises:
         ConvergenceError: They were not found.
     """
-    if problem.is_plain and 0 < len(start) <= _FEW:
+    if problem.is_plain and 0 < len(start) <= FEW:
         law = full(problem.matrix), problem.offset, problem.friction, problem.base
-        fine, force, total = few_cones(*law, start, tolerance, max_iterations, *_STICK)
+        fine, force, total = few_cones(*law, start, tolerance, max_iterations, *STICKING)
         if fine:
             return np.asarray(force), int(total)
     problem, start = _yielding(problem, start)
     force, total, accuracy = np.zeros_like(start), 0, accuracy or Accuracy()
     wrong = np.ones(len(start), dtype=bool)
-    islands = problem.islands() if len(start) <= _FEW else None
+    islands = problem.islands() if len(start) <= FEW else None
     if islands is not None:
         start = _canonical(problem, start, islands)
     if isinstance(problem.matrix, Rooted):
         many = Many(problem, tolerance)
         force, wrong = many.swept(start, accuracy)
         start, total = force.copy(), 1
-        if accuracy.asked is not None:
-            left = many.residual(force)
-            accuracy.reached = max(accuracy.reached, min(left, accuracy.asked))
     for pairs in (islands or problem.islands()) if wrong.any() else ():
         if not wrong[pairs].any():
             continue
         whole = len(pairs) == len(start)
         part = problem if whole else problem.part(pairs)
-        if isinstance(part.matrix, Rooted) and len(pairs) > _FEW:
+        if isinstance(part.matrix, Rooted) and len(pairs) > FEW:
             found, systems = _solve_many(part, start[pairs], tolerance, max_iterations, accuracy)
         else:
             if isinstance(part.matrix, Rooted):

@@ -1,6 +1,6 @@
 """How gaps between bodies answer to contact forces, from answers of single nodes."""
 
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix, diags, vstack
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.responses import Columns
 from impactfem.contact.rooted import Matrix, Rooted
-from impactfem.contact.sparse_kernels import directed_weights, row_products
+from impactfem.contact.sparse_kernels import directed_weights, row_products, rows_among
 from impactfem.contact.sparse_rows import across, directed_roots, rows_of, times
 
 type Weights = Floats | csr_matrix
@@ -52,6 +52,7 @@ class PairResponses:
         self._layer, self._static = empty, empty
         self._rooted: NDArray[np.bool_] = np.zeros(nodes, dtype=bool)
         self._roots: csr_matrix | None = None
+        self._taken: tuple[Weights, Any] = self._weights[:0], ()  # weights as kernels have them
 
     def follow(self, weights: Weights) -> None:
         """Take other weights W, shape (pairs, nodes): an array where there are few."""
@@ -169,6 +170,21 @@ class PairResponses:
         relative = self._weights @ moved.reshape(self._nodes, self._dim)
         found: Floats = np.einsum("ij,ij->i", normals, relative)
         return found
+
+    @property
+    def rooted(self) -> tuple[Any, Any, int, bool] | None:
+        """Weights and roots as kernels take them, the number of coordinates, and if these are many.
+
+        None where some nodes have no roots.
+        """
+        if self._order or self._roots is None or not self._rooted.all():
+            return None
+        weights, few = self._weights, isinstance(self._weights, np.ndarray)
+        if self._taken[0] is not weights:
+            taken = rows_among(weights) if few else rows_of(cast("csr_matrix", weights))
+            self._taken = weights, taken
+        many = not few and self._apart is not None
+        return self._taken[1], rows_of(self._roots), self._roots.shape[1], many
 
     def blocks(self, rows: Integers, frames: Floats) -> tuple[Matrix, Matrix]:
         """C and D of some gaps in all directions [m/N], each (k dim, k dim); of many their roots.

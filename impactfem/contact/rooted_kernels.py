@@ -4,6 +4,9 @@ import numpy as np
 
 from impactfem.compiled import compiled, fused
 
+_ROUNDING = 1e-13  # share of the largest displacement that counts as zero
+_CLOSER = 0.3  # by which sweeps end closer than what is asked, and again if that was not enough
+_SWEEPS, _ASKED = 200, 3000  # at most, and for what is asked
 _LOCAL = 2  # alternations between the normal and the tangential force of a contact
 _SAME = 1e-3  # share of the change that counts at which they end
 _MOMENTUM, _GROWS = 0.9, 1.2  # share of the last step that is added, but where steps grow so much
@@ -220,3 +223,86 @@ def sweep_roots(
                 for k in range(starts[j], starts[j + 1]):
                     motion[places[k]] += roots[k, 0] * x + roots[k, 1] * y + roots[k, 2] * z
     return sweeps, False
+
+
+@compiled
+def missed_of(gathered, offset, friction, base, scale, force, motion, tolerance):
+    """Errors of the law [N], (pairs,), and what of each is rounding [N], (pairs,).
+
+    Args:
+        gathered, offset, friction, base, force: As of `sweep_roots`.
+        scale: Answers of normal and of tangential forces to themselves [m/N], (pairs, 2).
+        motion: v, (coordinates,).
+        tolerance: Rounding level of displacements [m].
+    """
+    starts, places, roots = gathered
+    worst, least, spread = np.empty(len(force)), np.empty(len(force)), 0.0
+    for j in range(len(force)):
+        a, b, c = offset[j, 0], offset[j, 1], offset[j, 2]
+        spread = max(spread, abs(a), abs(b), abs(c))
+        for k in range(starts[j], starts[j + 1]):
+            moved = motion[places[k]]
+            a += roots[k, 0] * moved
+            b += roots[k, 1] * moved
+            c += roots[k, 2] * moved
+        f, g, h = force[j, 0], force[j, 1], force[j, 2]
+        along, flat = scale[j, 0], scale[j, 1]
+        spread = max(spread, abs(a), abs(b), abs(c), abs(along * f), abs(flat * g), abs(flat * h))
+        x, y = g - b / flat, h - c / flat
+        length, bound = np.sqrt(x * x + y * y), friction[j] * (base[j] + max(f, 0.0))
+        share = bound / length if length > bound else 1.0
+        normal = f - max(f - a / along, 0.0)
+        worst[j] = max(abs(normal), abs(g - share * x), abs(h - share * y))
+        least[j] = min(along, flat)
+    unit = max(tolerance, _ROUNDING * spread)
+    for j in range(len(force)):
+        least[j] = unit / least[j]
+    return worst, least
+
+
+@compiled
+def motion_of(gathered, force, size):
+    """What forces (pairs, 3) move: R^T x, (coordinates,)."""
+    starts, places, roots = gathered
+    found = np.zeros(size)
+    for j in range(len(force)):
+        for k in range(starts[j], starts[j + 1]):
+            for c in range(3):
+                found[places[k]] += roots[k, c] * force[j, c]
+    return found
+
+
+@compiled
+def swept_forces(gathered, size, own, offset, friction, base, scale, force, tolerance, asked):
+    """Forces by sweeps from some forces, which are changed.
+
+    Args:
+        gathered: See `gathered_roots`.
+        size: Number of coordinates.
+        own, offset, friction, base, force: As of `sweep_roots`.
+        scale, tolerance: As of `missed_of`.
+        asked: Largest error as a share of the largest force; 0: rounding.
+
+    Returns:
+        Of which pairs forces are not found, (pairs,), and the largest error as such a share.
+    """
+    share, left, none = asked * _CLOSER, _ASKED if asked > 0.0 else _SWEEPS, len(force) == 0
+    wrong, least = np.zeros(len(force), dtype=np.bool_), np.empty(len(force))
+    for j in range(len(force)):
+        least[j] = 0.1 * tolerance / min(scale[j, 0], scale[j, 1])
+    while True:
+        motion = motion_of(gathered, force, size)
+        done, settled = sweep_roots(
+            *gathered, own, offset, friction, base, force, motion, left, share, least
+        )
+        left -= done
+        motion = motion_of(gathered, force, size)
+        law = friction, base, scale, force, motion, tolerance
+        worst, rounding = missed_of(gathered, offset, *law)
+        largest, any_wrong = 0.0 if none else np.abs(force).max(), False
+        for j in range(len(force)):
+            wrong[j] = worst[j] > max(asked * largest, rounding[j])
+            any_wrong = any_wrong or wrong[j]
+        if not any_wrong or left <= 0 or (settled and share == 0.0):
+            return wrong, 0.0 if none else worst.max() / (largest if largest > 0.0 else 1.0)
+        share *= _CLOSER

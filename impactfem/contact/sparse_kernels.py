@@ -6,6 +6,21 @@ from impactfem.compiled import compiled
 
 
 @compiled
+def rows_among(matrix):
+    """Ends of rows, columns and values of an array."""
+    count, size = matrix.shape
+    ends, last = np.zeros(count + 1, dtype=np.int32), 0
+    columns, values = np.empty(count * size, dtype=np.int32), np.empty(count * size)
+    for i in range(count):
+        for k in range(size):
+            if matrix[i, k] != 0.0:
+                columns[last], values[last] = k, matrix[i, k]
+                last += 1
+        ends[i + 1] = last
+    return ends, columns[:last], values[:last]
+
+
+@compiled
 def times_rows(ends, columns, values, given):
     """A sparse matrix times values (columns, dim)."""
     dim = given.shape[1]

@@ -196,23 +196,61 @@ def jamming(own, friction, slip):
 
 
 @compiled
-def struck_sums(force, fast, way, before, arriving):
+def struck_sums(force, fast, way, change, before, arriving):
     """Work of forces between nodes with mass, and the sum of those of an impact, 0 without one.
 
     Args:
         force: Of the layer [N], (gaps,).
         fast: Gaps whose law acts on speeds, (gaps,).
-        way: In the layer [m], (gaps,).
+        way: In the layer without contact forces, and what these add [m], (gaps,) each.
+        change: See ``way``.
         before: Forces of the layer before [N], (gaps,).
         arriving: Gaps that close faster than forces make them, (gaps,).
+
+    Returns:
+        Besides both whether forces are those of an impact, (gaps,).
     """
     work, total, strikes = 0.0, 0.0, False
     for i in range(len(force)):
         if fast[i] and force[i] > 0.0:
-            work += force[i] * way[i]
+            work += force[i] * (way[i] + change[i])
             total += force[i]
             strikes = strikes or (before[i] == 0.0 and arriving[i])
-    return work, total if strikes else 0.0
+    impulsive = np.zeros(len(force), dtype=np.bool_)
+    for i in range(len(force) if strikes else 0):
+        impulsive[i] = fast[i] and force[i] > 0.0
+    return work, total if strikes else 0.0, impulsive
+
+
+@compiled
+def row_sums(force, impulsive, gap, pair, count):
+    """What a row of the history has of forces in the gaps.
+
+    Args:
+        force, gap: [N], [m], (gaps,).
+        impulsive: Whether forces are those of an impact, (gaps,).
+        pair: Of each gap, (gaps,); not asked for where there is one.
+        count: Number of pairs.
+
+    Returns:
+        Lasting forces, (gaps,); the least gap, sum and largest of the lasting forces and how many
+        forces there are; of each pair sums of lasting forces and of others and the least gap.
+    """
+    lasting, least, total, largest, active = force.copy(), np.inf, 0.0, 0.0, 0
+    sums, struck, gaps = np.zeros(count), np.zeros(count), np.full(count, np.inf)
+    for i in range(len(force)):
+        if impulsive[i]:
+            lasting[i] = 0.0
+        if force[i] > 0.0:
+            active += 1
+        total += lasting[i]
+        largest, least = max(largest, lasting[i]), min(least, gap[i])
+        if count:
+            k = pair[i] if count > 1 else 0
+            sums[k] += lasting[i]
+            struck[k] += force[i] - lasting[i]
+            gaps[k] = min(gaps[k], gap[i])
+    return lasting, least, total, largest, active, sums, struck, gaps
 
 
 @compiled

@@ -19,10 +19,12 @@ from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import SumsTable
 from impactfem.marching.meshless import Meshless, step_length
 from impactfem.marching.rigid_kernels import (
+    around,
+    arrived,
     carried,
+    flown,
     frames,
     gathered,
-    gone_on,
     looked_at,
     placed,
     rolled_to,
@@ -31,6 +33,7 @@ from impactfem.marching.rigid_kernels import (
     spun,
     struck,
     summed,
+    touched_at,
     turned_further,
     velocities_of,
     whirls,
@@ -92,18 +95,19 @@ class RigidBodies(Meshless):
         self._arms = np.concatenate([each.arms for each in bodies])
         self._following = np.concatenate([each.followers for each in bodies])
         self._roll = np.concatenate([each.rolling for each in bodies])[:, None]
-        self._straight_on = np.zeros_like(self._arms)  # arms along rims of what has none
-        self._rims = [(k, each.rims) for k, each in enumerate(bodies) if each.rims is not None]
+        self._straight_on = np.zeros_like(self._arms)  # from nodes to what touches with none
+        self._circles, self._rimmed = _rims_of(bodies), any(b.rims is not None for b in bodies)
         self._undriven = np.array([each.loads is None for each in bodies])
         self._driven = [(k, each.loads) for k, each in enumerate(bodies) if each.loads is not None]
         self.massive = self.volatile = np.ones(ends[-1], dtype=bool)
         self.radiating = ~self.massive
         self._root_ends = np.arange(dim * ends[-1] + 1) * (1 + dim * (dim - 1) // 2)
         self._roots: csr_matrix | None = None
-        self._rolls = bool(self._roll.any() or self._following.any() or self._rims)
+        self._rolls = bool(self._roll.any() or self._following.any() or self._rimmed)
         self._offset = self._following  # from nodes to where they touch
         self._loads = np.zeros((2, len(bodies), 3))
         self._applied: Floats | None = None  # forces and moments from outside, (2, bodies, 3)
+        self._weight = self._mass * in_space(self.gravity(0.0, 0.0))
         q, v = (np.array([getattr(e, name) for e in bodies]) for name in ("position", "velocity"))
         self._centre, self._angles = in_space(q[:, :dim]), q[:, dim:].copy()
         self._speed, self._spin = in_space(v[:, :dim]), about_axes(v[:, dim:])
@@ -127,21 +131,24 @@ class RigidBodies(Meshless):
 
     def _around(self, rotations: Floats) -> Floats:
         """The part of the arms of nodes in space that is along rims [m], (nodes, 3)."""
-        if not self._rims:
-            return self._straight_on
-        found = np.zeros_like(self._arms)
-        for k, rims in self._rims:
-            own = self.owns[k]
-            found[own] = rims.arms(rotations[k], self._normals[own], self._lowest[own])
-        return found
+        return np.asarray(around(rotations, self.apart, *self._rims))
+
+    @property
+    def _rims(self) -> tuple[tuple[Floats, Floats], Floats, Floats]:
+        """Rims, what they touch and where on them."""
+        return self._circles, self._normals, self._lowest
 
     def _begin(self) -> None:
         """What the next layer starts from."""
         self._turn = frames(self._angles)
+        self._bare, self._displacement = self._places(self._centre, self._turn)
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin a layer without what was solved in the one before."""
         self._pushed, self._turned = np.zeros((2, *self._speed.shape))
         self._speed_ahead, self._spin_ahead = self._speed, self._spin
         self._leaving: tuple[Floats, Floats] | None = None
-        self._bare, self._displacement = self._places(self._centre, self._turn)
 
     def memory(self) -> dict[str, Floats]:
         """Coordinates, their rates, and what rims touch."""
@@ -164,8 +171,8 @@ class RigidBodies(Meshless):
         """
         turn, arms = (self.end, self._ended) if ahead else (self._turn, self._bare)
         rates = self.rates_ahead if ahead else self.rates
-        along = arms, self._around(turn), beyond
-        return np.asarray(velocities_of(turn, *rates, self.apart, *along, self._dim))
+        along = arms, self._rims, beyond
+        return np.asarray(velocities_of(turn, rates, self.apart, *along, self._dim))
 
     @property
     def surface_velocity(self) -> Floats:
@@ -185,14 +192,31 @@ class RigidBodies(Meshless):
 
     def begin(self, start: float, end: float) -> None:
         """Solve the step without contact forces."""
-        self.set_out(start, end)
-        self.settle()
-        self.look()
+        if self._driven:
+            self.set_out(start, end)
+            self.settle()
+            self.look()
+            return
+        self._take_up(start, end)
+        force, moment = self._loads if self._applied is None else self._applied
+        given = self._turn, self._centre, self._speed, self._spin, force + self._weight, moment
+        places = self.apart, self._arms, self._rims, self._offset, self._start
+        found = flown(self._given, *given, self._span, self._straight, places)
+        lost, ahead, self._pushed, self._turned, looks = found
+        if lost >= 0:
+            raise self._too_far(lost)
+        self._speed_ahead, self._spin_ahead, self._half, *turns = ahead
+        self.end, self._middle, self.freedom = turns
+        self._amid, self._ended, self.acting, self._iterate, self._begun, self._lowest = looks
+
+    def _take_up(self, start: float, end: float) -> None:
+        self._span, self._time = step_length(start, end, self.dt), 0.5 * (start + end)
+        if not self._gravity.is_constant:
+            self._weight = self._mass * in_space(self.gravity(start, end))
 
     def set_out(self, start: float, end: float) -> None:
         """Take up a step between two times."""
-        self._span, self._time = step_length(start, end, self.dt), 0.5 * (start + end)
-        self._weight = self._mass * in_space(self.gravity(start, end))
+        self._take_up(start, end)
         self._pushed, self._turned, self._half = np.zeros((3, *self._speed.shape))
         self.end, self._middle, self.freedom = np.empty((3, *self._turn.shape))
         self._speed_ahead, self._spin_ahead = self._speed.copy(), self._spin.copy()
@@ -204,18 +228,10 @@ class RigidBodies(Meshless):
 
     def look(self) -> None:
         """See where contact nodes are as the step is solved now, and how forces act on them."""
-        if self._rims:
-            self._begun, self._lowest = self._around(self._turn), self._lowest.copy()
-        for k, rims in self._rims:
-            own = self.owns[k]
-            near = self._normals[own], self._lowest[own], -1.0
-            self._lowest[own] = rims.lowest(self.end[k], *near)
-        turns = self._middle, self.end
-        rates, beyond = (self._speed, self._speed_ahead), tuple(map(self._around, turns))
-        self._amid, self._ended, self.acting, self._iterate = looked_at(
-            *turns, self._centre, rates, 0.5 * self._span, self.apart, self._arms, beyond,
-            self._offset, self._start,
-        )  # fmt: skip
+        turns, rates = (self._turn, self._middle, self.end), (self._speed, self._speed_ahead)
+        places = self.apart, self._arms, self._rims, self._offset, self._start
+        found = looked_at(turns, self._centre, rates, 0.5 * self._span, *places)
+        self._amid, self._ended, self.acting, self._iterate, self._begun, self._lowest = found
 
     def settle(self) -> None:
         """Solve for the rates at the end of the step, with what has pushed so far."""
@@ -232,10 +248,7 @@ class RigidBodies(Meshless):
                 chosen, self._straight, ahead,
             )  # fmt: skip
             if lost >= 0:
-                raise ConvergenceError(
-                    f"{self._bodies[lost].names[0]} turns too far in a step at t = "
-                    f"{self._time:.6g} s: use a smaller solve.dt"
-                )
+                raise self._too_far(lost)
             if known is None:
                 break
             chosen = chosen[~self._same(known)[chosen]]
@@ -246,6 +259,12 @@ class RigidBodies(Meshless):
                 f"the forces on {self._bodies[chosen[0]].names[0]} did not settle at t = "
                 f"{self._time:.6g} s; use a smaller solve.dt"
             )
+
+    def _too_far(self, body: int) -> ConvergenceError:
+        return ConvergenceError(
+            f"{self._bodies[body].names[0]} turns too far in a step at t = {self._time:.6g} s: "
+            "use a smaller solve.dt"
+        )
 
     def impulses(self) -> tuple[Floats, Floats]:
         """Of forces and moments in the layer without those of joints [N s], [N m s]."""
@@ -272,10 +291,14 @@ class RigidBodies(Meshless):
             self._applied = np.zeros_like(self._loads)
         self._applied[:, body] = in_space(force), about_axes(moment)
 
+    @property
+    def _far(self) -> float:
+        """Spin from which on steps are of many turns [rad/s]."""
+        return LARGEST / self._span if self._turns_freely else np.inf
+
     def _whirl(self, body: int | slice = slice(None)) -> Floats:
         """Mean spins of the layer in space, (3,) or (bodies, 3)."""
-        far = LARGEST / self._span if self._turns_freely else np.inf
-        found = whirls(self._turn, self._spin, self.end, self._spin_ahead, far)
+        found = whirls(self._turn, self._spin, self.end, self._spin_ahead, self._far)
         return np.asarray(found[body])
 
     def take(
@@ -400,15 +423,11 @@ class RigidBodies(Meshless):
         Args:
             normals: Of the gaps of nodes, towards them, (count, dim).
         """
-        self._roll_on(normals)
-        spins = self._whirl()
-        beyond = self._around(self._middle) + self._offset
-        none = np.zeros_like(spins[None])
-        ways = carried(none, self._span * spins[None], self.apart, beyond, self._dim)[0]
-        if not self._rims:
-            return np.asarray(ways)
-        self._normals, moved = in_space(normals), self._around(self.end) - self._begun
-        return np.asarray(ways - moved[:, : self._dim])
+        turns, spins = (self._turn, self._middle, self.end), (self._spin, self._spin_ahead)
+        law = self.apart, self._rims, normals, self._begun, self._amid, self._roll, self._following
+        found = touched_at(turns, spins, self._span, self._far, *law, self._dim)
+        self._offset, self.acting, ways, self._normals = found
+        return np.asarray(ways)
 
     @property
     def touching_velocity(self) -> Floats:
@@ -461,7 +480,7 @@ class RigidBodies(Meshless):
 
     def touch(self, normals: Floats) -> None:
         """Learn where bodies that roll touch, by the normals of their nodes (count, dim)."""
-        self._normals = in_space(normals) if self._rims else self._normals
+        self._normals = in_space(normals) if self._rimmed else self._normals
         self._roll_on(normals)
 
     def offsets(self, normals: Floats) -> Floats:
@@ -566,7 +585,9 @@ class RigidBodies(Meshless):
 
     def advance(self) -> Floats:
         """Take the rates, places and turns that were found; the work of loads [J], (bodies,)."""
-        work, mean = np.zeros(len(self._mass)), 0.5 * (self._speed + self._speed_ahead)
+        work, mean = np.zeros(len(self._mass)), np.zeros(0)
+        if self._driven or self._applied is not None:
+            mean = 0.5 * (self._speed + self._speed_ahead)
         for k, _ in self._driven:
             force, moment = self._loads[:, k]
             work[k] = self._span * float(force @ mean[k] + moment @ self._whirl(k))
@@ -576,9 +597,11 @@ class RigidBodies(Meshless):
             work += self._span * done
         rates = (self._speed, self._speed_ahead), (self._spin, self._spin_ahead)
         now = self._centre, self._angles
-        self._centre, self._angles = gone_on(*now, *rates, self._half, self._span)
+        places = self.apart, self._arms, self._rims, self._start
+        found = arrived(*now, *rates, self._half, self._span, *places)
+        self._centre, self._angles, self._turn, self._bare, self._displacement = found
         self._speed, self._spin = self._leaving or self.rates_ahead
-        self._begin()
+        self._forget()
         return work
 
     def initial(self, static: Floats) -> SumsTable:  # noqa: ARG002  (as the interface has it)
@@ -595,3 +618,17 @@ class RigidBodies(Meshless):
         ways = self._centre - self._first, self._speed, self._spin, self._turn
         found = SumsTable(*summed(self._mass, self._inertia, *ways, work, self._dim))
         return found if self.counts else found.none()
+
+
+def _rims_of(bodies: Sequence[Rigid]) -> tuple[Floats, Floats]:
+    """Axes (nodes, 3) and shares (nodes, 2) of the rims of all nodes, 0 of those with none."""
+    if all(body.rims is None for body in bodies):
+        return np.zeros((0, 3)), np.zeros((0, 2))
+    each = [
+        (np.zeros((len(b.arms), 3)), np.zeros((len(b.arms), 2)))
+        if b.rims is None
+        else (b.rims.axis, b.rims.shares)
+        for b in bodies
+    ]
+    axes, shares = zip(*each, strict=True)
+    return np.concatenate(axes), np.concatenate(shares)

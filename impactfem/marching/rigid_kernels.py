@@ -7,6 +7,7 @@ import numpy as np
 
 from impactfem.compiled import compiled
 from impactfem.marching.turn_kernels import turn
+from impactfem.system.rim_kernels import NEAR, add_along_rim, lowest_direction
 from impactfem.system.vector_kernels import across, by, dot, plus, put
 
 
@@ -62,35 +63,151 @@ def placed(rotations, centres, of, arms, beyond, start):
 
 
 @compiled
-def looked_at(middles, ends, centres, rates, half, of, arms, beyond, offset, start):
-    """Arms in space amid a step and at its end, where forces act, and displacements there.
+def around(rotations, of, rims, normals, lowest):
+    """The part of the arms of places that is along rims [m], in space, (places, 3).
 
     Args:
-        middles, ends: Rotations, (bodies, 3, 3).
-        centres: At the start of the step, (bodies, 3).
+        rotations: Of the bodies, (bodies, 3, 3).
+        of: Body of each place, (places,).
+        rims: Axes (places, 3) and shares (places, 2) of `impactfem.system.rigid.Rims`; or of none.
+        normals, lowest: Of what places may touch, and directions to their lowest, (places, 3).
+    """
+    axes, shares = rims
+    found = np.zeros(lowest.shape)
+    for i in range(len(axes)):
+        if shares[i, 0] != 0.0 or shares[i, 1] != 0.0:
+            axis = by(rotations[of[i]], axes[i])
+            down = lowest_direction(axis, normals[i], lowest[i], NEAR)
+            add_along_rim(found[i], axis, down, shares[i])
+    return found
+
+
+@compiled
+def looked_at(turns, centres, rates, half, of, arms, rims, offset, start):
+    """Where places are at the end of a step, and where forces act.
+
+    Args:
+        turns: Rotations at the start of the step, amid it and at its end, (bodies, 3, 3) each.
+        centres: At its start, (bodies, 3).
         rates: Velocities at both ends, (bodies, 3) each.
         half: Half the step [s].
         of, arms, start: As of `placed`.
-        beyond: Its ``beyond`` amid the step and at its end.
+        rims: Those of `around`, and its normals and lowest.
         offset: From nodes to where they touch, (places, 3).
+
+    Returns:
+        Arms in space amid it and at its end but for rims, where forces act, displacements at the
+        end, arms along rims at the start, and lowest directions now.
     """
+    first, middles, ends = turns
+    circles, normals, lowest = rims
+    begun, down = around(first, of, circles, normals, lowest), lowest.copy()
+    for i in range(len(circles[0])):
+        if circles[1][i, 0] != 0.0 or circles[1][i, 1] != 0.0:
+            axis = by(ends[of[i]], circles[0][i])
+            down[i] = lowest_direction(axis, normals[i], lowest[i], -1.0)
     there = np.empty_like(centres)
     for k in range(len(centres)):
         for c in range(3):
             there[k, c] = centres[k, c] + half * (rates[0][k, c] + rates[1][k, c])
-    ended, found = placed(ends, there, of, arms, beyond[1], start)
-    amid = turned(middles, of, arms)
-    acting = np.empty_like(amid)
+    ended, found = placed(ends, there, of, arms, around(ends, of, circles, normals, down), start)
+    amid, acting = turned(middles, of, arms), around(middles, of, circles, normals, down)
     for i in range(len(of)):
         for c in range(3):
-            acting[i, c] = amid[i, c] + beyond[0][i, c] + offset[i, c]
-    return amid, ended, acting, found
+            acting[i, c] = amid[i, c] + acting[i, c] + offset[i, c]
+    return amid, ended, acting, found, begun, down
 
 
 @compiled
-def velocities_of(rotations, speeds, spins, of, arms, beyond, offset, dim):
-    """Of places with arms in space on bodies that spin about their axes, (places, dim)."""
-    found = np.empty((len(of), dim))
+def flown(bodies, rotations, centres, speeds, spins, force, moment, dt, straight, places):
+    """A step of all bodies by forces and moments that stay, (bodies, 3) each.
+
+    Args:
+        bodies, straight: As of `settled`.
+        rotations, centres, speeds, spins: At its start.
+        force, moment: [N], [N m].
+        dt: [s].
+        places: What `looked_at` takes of these: of, arms, rims, offset, start.
+
+    Returns:
+        What `settled` tells, what it writes, and what `looked_at` tells.
+    """
+    shape, none = rotations.shape, np.zeros(speeds.shape)
+    speed, spin, half = speeds.copy(), spins.copy(), np.zeros(speeds.shape)
+    end, middle, freedom = np.empty(shape), np.empty(shape), np.empty(shape)
+    ahead, impulses = (speed, spin, half, end, middle, freedom), (dt * force, dt * moment)
+    every, given = np.arange(len(speeds)), (rotations, speeds, spins)
+    lost = settled(bodies, *given, impulses, dt, every, straight, ahead)
+    turns = rotations, middle, end
+    looks = looked_at(turns, centres, (speeds, speed), 0.5 * dt, *places)
+    return lost, ahead, none, none.copy(), looks
+
+
+@compiled
+def touched_at(turns, rates, dt, far, of, rims, known, begun, amid, rolling, following, dim):
+    """Where places touch in a step, and ways that surfaces go there besides them.
+
+    Args:
+        turns, rims, of: As of `looked_at`.
+        rates: Spins at both ends.
+        dt: [s].
+        far: As of `whirls`.
+        known: Normals of what places touch now, (places, dim).
+        begun, amid: As `looked_at` told them.
+        rolling, following: As of `rolled_to`.
+        dim: Components that are asked for.
+
+    Returns:
+        From nodes to where they touch, arms there, (places, 3) each; ways, (places, dim); the
+        normals, (places, 3).
+    """
+    first, middles, ends = turns
+    circles, normals, lowest = rims
+    spins = whirls(first, rates[0], ends, rates[1], far)
+    beyond = around(middles, of, circles, normals, lowest)
+    offset, acting = rolled_to(known, rolling, following, amid, beyond)
+    none, count = np.zeros((1, *spins.shape)), len(of)
+    ways = carried(none, dt * spins.reshape(none.shape), of, beyond + offset, dim)[0]
+    now = normals
+    if len(circles[0]):
+        now = np.zeros((count, 3))
+        now[:, : known.shape[1]] = known
+        moved = around(ends, of, circles, now, lowest)
+        for i in range(count):
+            for c in range(dim):
+                ways[i, c] -= moved[i, c] - begun[i, c]
+    return offset, acting, ways, now
+
+
+@compiled
+def arrived(centres, angles, speeds, spins, halves, dt, of, arms, rims, start):
+    """Centres and angles at the end of a step (`gone_on`), rotations there, and what is `placed`.
+
+    Args:
+        centres, angles, speeds, spins, halves, dt: As of `gone_on`.
+        of, arms, start: As of `placed`.
+        rims: As of `looked_at`.
+    """
+    there, now = gone_on(centres, angles, speeds, spins, halves, dt)
+    turns = frames(now)
+    beyond = around(turns, of, *rims)
+    bare, found = placed(turns, there, of, arms, beyond, start)
+    return there, now, turns, bare, found
+
+
+@compiled
+def velocities_of(rotations, rates, of, arms, rims, offset, dim):
+    """Of places with arms in space on bodies that spin about their axes, (places, dim).
+
+    Args:
+        rotations: Of the bodies, (bodies, 3, 3).
+        rates: Velocities and spins along their axes, (bodies, 3) each.
+        of, rims: As of `looked_at`.
+        arms, offset: In space, those along rims are between them, (places, 3).
+        dim: Components that are asked for.
+    """
+    found, beyond = np.empty((len(of), dim)), around(rotations, of, *rims)
+    speeds, spins = rates
     for i in range(len(of)):
         k = of[i]
         a, b, c = by(rotations[k], spins[k])

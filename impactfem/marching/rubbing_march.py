@@ -3,15 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.friction_newton import ConeProblem
-from impactfem.contact.friction_solver import solve
-from impactfem.contact.rooted import Matrix, among
-from impactfem.contact.speed_kernels import approaching, closing, prepared, vectors_of
+from impactfem.contact.friction_solver import FEW, STICKING, solve
+from impactfem.contact.rooted import Rooted, among
+from impactfem.contact.speed_law_kernels import HARD, SMOOTH, ended, opened
 from impactfem.findings import Finding
 from impactfem.marching.composite import Composite
 from impactfem.marching.layers import DirectedAnswers, DirectedGaps, Interior, Rolling
@@ -29,6 +30,9 @@ from impactfem.marching.rubbing import (
 )
 from impactfem.marching.solids import SolidMarch
 from impactfem.marching.time_loop import LoopSettings
+
+if TYPE_CHECKING:
+    from impactfem.contact.pair_responses import PairResponses
 
 _REMEMBERED = ("tangential", "older_tangential", "place", "older_place", "stuck")
 _STILL = 1e-12  # share of the largest speed that counts as none at t = 0
@@ -49,6 +53,7 @@ class RubbingMarch(SolidMarch):
         self._tangential = self._rubbing_force = np.zeros((len(friction.coefficients), 0))
         # Gaps that took part, their normal forces and tangential ones, and ways: see `told`.
         self._slid: tuple[Integers, Floats, Floats] | None = None
+        self._told: Integers = np.zeros(0, dtype=np.int64)  # what pushed and stuck, by `ended`
         super().__init__(interior, settings)
         self._rubbing = Rubbing.at_rest(friction, place + self.contact.static)
         if settings.rest is not None:
@@ -114,9 +119,9 @@ class RubbingMarch(SolidMarch):
             shift = self._gaps.shift(time) - self._gaps.shift(before)
             rows.obstacle_work[row] += part * float((self._rubbing_force * shift).sum())
 
-    def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
-        """Store what pairs have of the forces, gaps and slip."""
-        super()._close_pairs(row, force, struck)
+    def _close_pairs(self, row: int, force: Floats) -> None:
+        """Store what pairs have of the forces across normals, and of slip."""
+        super()._close_pairs(row, force)
         if self._slid is not None:
             self._close_rubbing(row, *self._slid)
 
@@ -209,7 +214,7 @@ class RubbingMarch(SolidMarch):
         return bool(without and by_mass and at_once)
 
     def _shifts(self, count: int, dim: int) -> Floats:
-        """Ways and speeds of what nodes face as `approaching` takes them, (gaps, 4 dim)."""
+        """Ways and speeds of what nodes face as `opened` takes them, (gaps, 4 dim)."""
         gaps, dt = self._gaps, self.interior.dt
         if not gaps.moves:
             return np.zeros((count, 4 * dim))
@@ -221,40 +226,55 @@ class RubbingMarch(SolidMarch):
     def _forces_at_speeds(
         self, gap: Floats, normals: Floats, free: Floats, last: Floats
     ) -> tuple[Floats, Floats, Floats, int] | None:
-        """`_layer_forces` where `_at_speeds`; None without friction where gaps act."""
-        state, answers = self._rubbing, cast("DirectedAnswers", self._responses)
-        interior, gaps, contact, law = self.interior, self._gaps, self.contact, self._rubbing.law
-        (count, dim), dt, share = normals.shape, interior.dt, interior.share
-        speeds = interior.contact_speeds(free - last)
-        relative = gaps.relative(np.hstack([free + self._rolled, last, *speeds]))
-        shift, pushed = self._shifts(count, dim), contact.multiplier
-        motion = relative, shift, normals, gap, contact.gap, pushed, self._lively, law.rebound
-        found = approaching(*motion, (self.tolerance, dt, self._reach))
-        rows, halfway, self._normal_speed, self._mean_way = found[:4]
-        self._arriving, self._leaving, struck, fastest = found[4:]
-        acts, mu = struck[rows] | (gap[rows] <= self.tolerance), law.coefficients[rows]
-        if not mu[acts].any():
+        """`_layer_forces` where `_at_speeds`; None without friction where gaps act, or roots."""
+        rooted = cast("PairResponses", self._responses).rooted
+        if rooted is None:
             return None
+        weights, roots, size, many = rooted
+        interior, state, contact = self.interior, self._rubbing, self.contact
+        (count, dim), law, accuracy = normals.shape, self._rubbing.law, self._rubbing.law.accuracy
+        speeds = interior.contact_speeds(free - last)
+        nodes = np.hstack([free + self._rolled, last, *speeds])
+        shift, before = self._shifts(count, dim), (contact.gap, contact.multiplier)
+        gaps = normals, gap, *before, state.tangential, shift
+        coefficients = self._lively, law.rebound, law.coefficients
+        solving = many, FEW, law.max_iterations, accuracy.asked or 0.0, *STICKING
+        times = self.tolerance, interior.dt, self._reach
+        found = opened(weights, roots, size, nodes, gaps, coefficients, times, solving)
+        how, approach, relative, ready, answers, (force, systems, left), acts, jams = found
+        if how == SMOOTH:
+            return None
+        rows, _, self._normal_speed, self._mean_way, *approach = approach
+        self._arriving, self._leaving, struck, _ = approach
+        directions, way, near, slip = ready
         self._fast, self._braked = np.ones(count, dtype=bool), 0.0
         self._slipping = relative[:, 2 * dim : 3 * dim] - shift[:, 2 * dim : 3 * dim]
-        answers.require(rows)
-        before = halfway, normals, state.tangential, pushed, relative, shift, _SLOW * fastest
-        directions, way, near, slip = prepared(rows, *before)
-        matrix = share * answers.blocks(rows, directions)[0]
-        self._in_turn(rows, struck[rows], matrix, partial(self._slips, rows, directions), law)
-        problem = ConeProblem(matrix, way, mu, np.zeros(len(rows)))
-        force, iterations = _acting(problem, near, acts, law)
-        whole = vectors_of(rows, directions, force, count)
-        moved = answers.moved(rows, share * whole[rows], whole[rows])
-        done = relative, shift, force, _times(matrix, force), moved, whole, (1.0 - ON_CONE) * mu
-        found = closing(rows, directions, normals, gap, *done)
-        self._tangential, pushes, self._true_gap, state.work, state.stuck, *told = found
-        self._rubbing_force, self._slid = self._tangential, (rows, *told)
+        mu, once = law.coefficients[rows], struck[rows]
+
+        def problem() -> ConeProblem:
+            ends, columns, values = answers
+            sparse = csr_matrix((values, columns, ends), shape=(len(way.ravel()), size))
+            matrix = Rooted(sparse) if many else Rooted(sparse).full()
+            return ConeProblem(matrix, way, mu, np.zeros(len(rows)))
+
+        arriving = (once & self._arriving[rows]).any()
+        if arriving and self._impacts.asks(int(np.count_nonzero(once))):
+            slips = partial(self._slips, rows, directions)
+            self._in_turn(rows, once, problem().matrix, slips, law)
+        if how == HARD:
+            force, systems = _acting(problem(), near, acts, law)
+        elif accuracy.asked is not None:
+            accuracy.reached = max(accuracy.reached, min(left, accuracy.asked))
+        closed = weights, roots, size, rows, directions, gaps, relative, answers, force, mu
+        nodal, done, self._told, same = ended(*closed, 1.0 - ON_CONE, self._told)
+        self._tangential, pushes, self._true_gap, state.work, state.stuck, *slid = done
+        self._rubbing_force, self._slid = self._tangential, (rows, *slid)
         if force.any():
-            interior.push(gaps.spread(whole), None, answers.parts(rows, whole[rows]))
-        time = (self.layer + 1) * dt
-        self._determinacy.look(time, rows, gaps.pair_of, problem, force, slip)
-        return pushes, pushes, np.zeros_like(free), iterations
+            interior.push(nodal, None, np.zeros(0))
+        if jams or not same:
+            time = (self.layer + 1) * interior.dt
+            self._determinacy.look(time, rows, self._gaps.pair_of, problem(), force, slip)
+        return pushes, pushes, np.zeros_like(free), systems
 
     def _layer_forces(
         self, gap: Floats, normals: Floats, free: Floats, last: Floats
@@ -372,8 +392,3 @@ def _acting(
         ConeProblem(among(problem.matrix, wide), *own), near[at], law.solving
     )
     return force, iterations
-
-
-def _times(matrix: Matrix, values: Floats) -> Floats:
-    """A matrix times values (rows, dim)."""
-    return np.asarray((matrix @ values.ravel()).reshape(values.shape))

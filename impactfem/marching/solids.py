@@ -34,6 +34,8 @@ class SolidMarch(TimeLoop[Interior]):
         self.interior, self._gaps = interior, settings.gaps
         self._led: Floats | None = None  # ways of obstacles by the law of speeds
         self._determinacy = Determinacy()
+        # Of gaps whose law acts on speeds in the last layer, see `_rebound`.
+        self._mean_way, self._arriving = np.zeros(0), np.zeros(0, dtype=bool)
         self._rolled = np.zeros(1)  # what surfaces move in a layer besides the contact nodes
         self._responses = self._answers()
         # Of velocities behind levels [s].
@@ -332,18 +334,16 @@ class SolidMarch(TimeLoop[Interior]):
             force: Of the layer [N], (pairs,).
             gap: Gaps at its end without contact forces [m], (pairs,).
         """
-        self._impulsive = np.zeros(len(force), dtype=bool)
         if (self._scheme.contact == "velocity" and not self._by_mass) or not force.any():
-            return
-        if not (self._fast & (force > 0.0)).any():
+            self._impulsive = np.zeros(len(force), dtype=bool)
             return
         share, answered = self.interior.share, 0.5 * self.interior.dt / self._reach
-        row, way = self.layer, self._mean_way + answered * (self._true_gap - gap)
-        before = self.contact.multiplier
-        work, struck = struck_sums(force, self._fast, way, before, self._arriving)
+        row, change = self.layer, answered * (self._true_gap - gap)
+        before, arriving = self.contact.multiplier, self._arriving
+        found = struck_sums(force, self._fast, self._mean_way, change, before, arriving)
+        work, struck, self._impulsive = found
         self.rows.impact_work[row] = share * work
         if struck:
-            self._impulsive = self._fast & (force > 0.0)
             self.rows.impact[row] = share * self.interior.dt * struck
 
     def _contact_forces(  # noqa: PLR0915  (a layer is one matter)

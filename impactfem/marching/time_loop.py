@@ -12,7 +12,7 @@ from impactfem.contact.adhesion import Bonds
 from impactfem.contact.complementarity import Solver
 from impactfem.contact.friction_solver import Solving
 from impactfem.contact.impact_law import Law
-from impactfem.contact.speed_kernels import rubbing_sums
+from impactfem.contact.speed_kernels import row_sums, rubbing_sums
 from impactfem.contact.springs import ContactSprings
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
@@ -313,15 +313,15 @@ class TimeLoop[I: Stepper](ABC):
 
     def _close_row(self, row: int, force: Floats, iterations: int) -> None:
         """Store what is the same on all ranks."""
-        rows, state = self.rows, self.contact
-        lasting = np.where(self._impulsive, 0.0, force)
-        rows.gap[row] = state.gap.min(initial=np.inf)
-        rows.force[row] = lasting.sum()
-        rows.largest[row] = lasting.max(initial=0.0)
-        rows.active[row] = np.count_nonzero(force > 0.0)
+        rows, state, count = self.rows, self.contact, len(self.pairs)
+        pair = self._gaps.pair_of() if count > 1 else np.zeros(0, dtype=np.int64)
+        found = row_sums(force, self._impulsive, state.gap, pair, count)
+        lasting, rows.gap[row], rows.force[row], rows.largest[row], rows.active[row], *each = found
         rows.iterations[row] = iterations
-        if self.pairs:
-            self._close_pairs(row, lasting, force - lasting)
+        if count:
+            rows.pair_force[row], struck, rows.pair_gap[row] = each
+            rows.pair_impact[row] = rows.impact[row] if count == 1 else self.interior.dt * struck
+            self._close_pairs(row, lasting)
         if self._springs is not None:
             rows.indentation[row] = self._springs.depth(state.multiplier).max(initial=0.0)
             rows.spring_energy[row] = self._springs.energy(state.multiplier).sum()
@@ -330,24 +330,11 @@ class TimeLoop[I: Stepper](ABC):
             pressed = self._pressed_work(self._gaps.relative(state.static))
             rows.contact_energy[row] = 0.5 * pressed
 
-    def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
-        """Store what pairs have of lasting forces, of those of impacts, of gaps and of slip."""
+    def _close_pairs(self, row: int, force: Floats) -> None:
+        """Store what pairs have of lasting forces across normals, and of slip."""
         if self._done is not None and self._rubs:
             rubbed = np.column_stack([force, self._done.rubbed / self.interior.dt])
             self._close_rubbing(row, np.arange(len(force)), rubbed, self._done.slid)
-        rows, count = self.rows, len(self._gaps.pairs)
-        if count == 1:  # they have all
-            rows.pair_force[row], rows.pair_gap[row] = rows.force[row], rows.gap[row]
-            rows.pair_impact[row] = rows.impact[row]
-            return
-        pair = self._gaps.pair_of()
-        rows.pair_force[row] = np.bincount(pair, force, count)
-        rows.pair_impact[row] = self.interior.dt * np.bincount(pair, struck, count)
-        if len(pair) == count:  # one each
-            rows.pair_gap[row, pair] = self.contact.gap
-            return
-        rows.pair_gap[row] = np.inf
-        np.minimum.at(rows.pair_gap[row], pair, self.contact.gap)
 
     def _close_rubbing(self, row: int, rows: Integers, acting: Floats, way: Floats) -> None:
         """Store tangential forces and slip of pairs.
