@@ -86,9 +86,13 @@ class PlateMidpoint(ShownPlate):
         self._turns = vertex @ levers + np.outer(y, first) - np.outer(x, second)
         local = np.column_stack([np.ones(len(bodies.mesh.points)), bodies.mesh.points])
         self._fit, self._fitting = local, np.linalg.pinv(local)
-        self._seen = np.zeros(2)
+        self._seen, self._rim = np.zeros(2), bodies.mesh.rim
         self._shown: Floats | None = None  # of `surface_displacement`, until something moves
         self._loads = self._pressed(0.0, 0.0)  # of the layer
+        self._moves, self._led = bool(bodies.motions), bodies.leading(0.0)
+        for own, led in zip((self._q, self._v), self._led, strict=True):
+            own[bodies.led] = led[bodies.led]
+        self._weighing = 0.0  # of the layer [m/s^2]
         # At the start slopes are in equilibrium, and so is what touches, unless it is asked for.
         self._settle_slopes(self._q)
         self._begun, self.before = self._q.copy(), self._q.copy()
@@ -208,15 +212,42 @@ class PlateMidpoint(ShownPlate):
         if not self.bodies.is_steady:
             self._loads = self._pressed(start, end)
         motion = self._layer.motion(self._q, self._v, self.dt)
-        weight = self._mass * float(self.gravity(start, end) @ self._normal)
-        middle = self._layer.solve(motion + weight + self._loads)
+        self._weighing = float(self.gravity(start, end) @ self._normal)
+        weight = self._mass * self._weighing
+        advance = self._layer.advance
+        there = self._lead(self._q, end) if self._moves else None
+        middle = self._layer.solve(motion + weight + self._loads, there)
         self.before = self._q.copy()
         self._q, self._shown = self.before.copy(), None
-        heavy, advance = self._heavy, self._layer.advance
+        heavy = self._heavy
         self._q[heavy] = advance * middle[heavy] + (1.0 - advance) * self.before[heavy]
         self._free = advance * middle[self._light] + (1.0 - advance) * self._free
         if round(end / self.dt) % _SETTLED == 0:
             self._free = self._at_ease()
+
+    def _lead(self, place: Floats, end: float) -> Floats:
+        """See where edges move to by the end of the layer: `PlateStep.solve` takes this, (d,).
+
+        Args:
+            place: Coordinates at its start.
+            end: Of the layer [s].
+        """
+        self._led = self.bodies.leading(end)
+        here = np.where(self.bodies.led, place, 0.0)
+        advance = self._layer.advance
+        return np.asarray((self._led[0] - (1.0 - advance) * here) / advance)
+
+    def _led_work(self, way: Floats, inside: Floats, loads: Floats, had: float) -> float:
+        """Work of edges that move [J]: what their mass gains, less what else pushes it.
+
+        Args:
+            way: Of all coordinates in the layer, (d,).
+            inside: Forces against them in it, without inertia, (d,).
+            loads: Other forces, (d,).
+            had: Kinetic energy of the mass of these edges before [J].
+        """
+        led = self.bodies.led
+        return self._led_energy - had + float((inside - loads)[led] @ way[led])
 
     @property
     def surface_iterate(self) -> Floats:
@@ -328,15 +359,30 @@ class PlateMidpoint(ShownPlate):
 
     def finish(self, static: Floats) -> list[Sums]:
         """End the layer and sum up."""
-        heavy = self._heavy
-        moved = self._q[heavy] - self.before[heavy]
+        heavy, led = self._heavy, self.bodies.led
+        moved, had = self._q[heavy] - self.before[heavy], self._led_energy
         # Velocities turn round in a layer, and what they begin with, too.
         self._v = self._v - self._kicked
         self._v[heavy] = 2.0 / self.dt * moved - self._v[heavy]
         self._kicked = 0.0
         self._place(static)
+        work = float(self._loads[heavy] @ moved)
+        if self._moves:
+            self._q[led], self._v[led] = (each[led] for each in self._led)
+            way, damping = self._q - self.before, self.bodies.damping
+            inside = (
+                self.bodies.stiffness @ (self.before + (0.5 + damping.stiffness / self.dt) * way)
+                + damping.mass / self.dt * self._mass * way
+            )
+            work += self._led_work(way, inside, self._loads + self._weighing * self._mass, had)
         self.before = self._q.copy()
-        return self._summed(float(self._loads[heavy] @ moved))
+        return self._summed(work)
+
+    @property
+    def _led_energy(self) -> float:
+        """Kinetic energy of the mass of edges that move [J]."""
+        led = self.bodies.led
+        return 0.5 * float(self._mass[led] @ self._v[led] ** 2)
 
     def initial(self, static: Floats) -> list[Sums]:
         """Sums of the initial state."""
@@ -374,7 +420,11 @@ class PlateMidpoint(ShownPlate):
     def _look(self) -> None:
         """Keep how far it deflects from the plane that fits it best, and how steep it is."""
         moved = (self.bodies.basis @ self._q).reshape(-1, DOFS)
-        flat = 0.0 if self.bodies.enclosed else self._fit @ (self._fitting @ moved[:, 0])
+        flat: Floats | float = 0.0
+        if not self.bodies.enclosed:
+            flat = self._fit @ (self._fitting @ moved[:, 0])
+        elif self._moves:  # from where its edges have moved, about
+            flat = self._fit @ (np.linalg.pinv(self._fit[self._rim]) @ moved[self._rim, 0])
         deflection = float(np.abs(moved[:, 0] - flat).max())
         steepness = float(np.sqrt((moved[:, 1:] ** 2).sum(axis=1).max()))
         self._seen = np.maximum(self._seen, [deflection, steepness])

@@ -29,6 +29,7 @@ from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate import PlateSystem
 from impactfem.system.plate_damping import Answer
 from impactfem.system.plate_faces import IN_PLANE
+from impactfem.system.plate_rows import pinned
 
 _ACCURACY = 1e-11  # of forces
 _ROUNDING = 1e-15  # of the sums of a product with the stiffness
@@ -136,6 +137,10 @@ class PlateNewton(PlateMidpoint):
         self._loads = self._pushed + weight * self._mass
         # Of places the last digits are lost by which speeds of short steps go.
         self._way = step * self._v
+        if self._moves:
+            self._led = self.bodies.leading(end)
+            led = self.bodies.led
+            self._way[led] = (self._led[0] - self._q)[led]
         self._pulled = self.pulls
         self._look_inside()
         self._left = np.inf
@@ -180,6 +185,9 @@ class PlateNewton(PlateMidpoint):
         inert = mass * (2.0 / step * (rate - self._v) + damping.mass * rate)
         pushed, pulled = self.pulled(forces)
         self._rest = self._loads + pushed - inside - inert
+        if self._moves:
+            self._rest[self.bodies.led] = 0.0
+            self._inside = inside + mass * damping.mass * rate
         self._slack = 2.0 * pulled - self.pulls - self._pulled
         sizes = self._sizes @ (np.abs(self._q) + share * np.abs(self._way))
         allowed = np.maximum(np.abs(inside), np.abs(self._loads))
@@ -227,8 +235,9 @@ class PlateNewton(PlateMidpoint):
         assert membrane is not None  # noqa: S101  (`linearise` asks)
         mean = 0.5 * (self._inner.slopes + self._outer.slopes)
         last, vertices, own = self._outer.slopes, self._of_vertices, self._linear()[0].tangent
-        factor = splu(membrane.tangent(vertices, own, self._tension, mean, last))
-        more = factor.shape[0] - len(self._q)
+        matrix = membrane.tangent(vertices, own, self._tension, mean, last)
+        more = matrix.shape[0] - len(self._q)
+        factor = splu(pinned(matrix, np.pad(self.bodies.led, (0, more))).tocsc())
         return self.bodies.damping.beside(factor.solve, self._span, more)
 
     def _solved(self, right: Floats, pulls: Floats) -> tuple[Floats, Floats]:
@@ -282,8 +291,11 @@ class PlateNewton(PlateMidpoint):
     def accept(self) -> None:
         """End the step at the iterate."""
         self._work = self._work + float(self._pushed @ self._way)
-        heavy = self._heavy
+        heavy, had = self._heavy, self._led_energy
         self._v[heavy] = 2.0 / self._span * self._way[heavy] - self._v[heavy]
+        if self._moves:
+            self._v[self.bodies.led] = self._led[1][self.bodies.led]
+            self._work += self._led_work(self._way, self._inside, self._loads, had)
         self._q, self._inner, self.pulls = self._q + self._way, self._outer, self._pulled
         self._steep = self._whole is not None
 

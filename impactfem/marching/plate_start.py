@@ -10,6 +10,7 @@ from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate import PlateSystem
+from impactfem.system.plate_rows import pinned
 from impactfem.system.rigid_modes import RigidModes
 from impactfem.system.surface import CHOLESKY
 
@@ -45,7 +46,8 @@ class PlateAtRest:
                 'support its edges, or use start = "given"'
             )
         self.modes = RigidModes.none(len(self.start))
-        self._factor = splu(self._stiffness.tocsc(), **CHOLESKY)
+        self._led = bodies.led
+        self._factor = splu(pinned(self._stiffness, self._led).tocsc(), **CHOLESKY)
 
     def contact(self, place: Floats) -> Floats:
         """Displacements of the contact nodes [m], (count, 3)."""
@@ -81,7 +83,9 @@ class PlateAtRest:
         if (membrane := self._membrane) is not None:
             slopes, strains, _ = self._stretching.inside(q, pulls)
             inside = inside + self._vertices @ membrane.force(membrane.tension(strains), slopes)
-        return np.concatenate([self._march.loads_at_rest(q) - inside, -pulls])
+        left = self._march.loads_at_rest(q) - inside
+        left[self._led] = 0.0
+        return np.concatenate([left, -pulls])
 
     def steady(self) -> bool:
         """Nothing to change: plates do not turn."""
@@ -94,12 +98,11 @@ class PlateAtRest:
         march = self._stretching
         slopes, strains, _ = march.inside(*self._parts(place))
         # As in a step, which takes halves of all that is in the plate.
-        factor = splu(
-            self._membrane.tangent(
-                self._vertices, 0.5 * self._stiffness, self._membrane.tension(strains), slopes,
-                slopes,
-            )
-        )  # fmt: skip
+        matrix = self._membrane.tangent(
+            self._vertices, 0.5 * self._stiffness, self._membrane.tension(strains), slopes, slopes
+        )
+        stays = np.pad(self._led, (0, matrix.shape[0] - self._ends))
+        factor = splu(pinned(matrix, stays).tocsc())
 
         def answer(forces: Floats) -> Floats:
             pushed, pulls = self._parts(forces)
@@ -109,7 +112,7 @@ class PlateAtRest:
         return answer
 
     def _answer(self, forces: Floats) -> Floats:
-        return np.asarray(self._factor.solve(forces))
+        return np.asarray(self._factor.solve(np.where(self._led, 0.0, forces)))
 
     def destroy(self) -> None:
         """Nothing to free."""
@@ -127,11 +130,13 @@ def _free_motions(bodies: PlateSystem) -> list[str]:
     slope = one / scale
     columns = ([one, none, none], [points[:, 0], slope, none], [points[:, 1], none, slope])
     fields = np.stack([np.stack(each, axis=1).ravel() for each in columns], axis=1)
-    kept = bodies.basis.T @ fields
-    _, sizes, ways = np.linalg.svd(fields - bodies.basis @ kept, full_matrices=False)
+    basis = bodies.basis[:, ~bodies.led]
+    kept = basis.T @ fields
+    _, sizes, ways = np.linalg.svd(fields - basis @ kept, full_matrices=False)
     found = []
     for way in ways[sizes <= _FREE * np.sqrt(len(points))]:
-        q = kept @ way
+        q = np.zeros(len(bodies.led))
+        q[~bodies.led] = kept @ way
         if q @ (bodies.stiffness @ q) > _FREE * (bodies.stiffness.diagonal() @ q**2):
             continue
         turn = np.array([way[2], -way[1]])

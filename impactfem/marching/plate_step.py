@@ -22,6 +22,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from impactfem.arrays import Floats
 from impactfem.system.plate import PlateSystem
+from impactfem.system.plate_rows import pinned
 from impactfem.system.surface import CHOLESKY
 
 
@@ -55,11 +56,20 @@ class PlateStep:
 
     @cached_property
     def _factor(self) -> SuperLU:
-        return splu(self._matrix.tocsc(), **CHOLESKY)
+        return splu(pinned(self._matrix, self._bodies.led).tocsc(), **CHOLESKY)
 
-    def solve(self, right: Floats) -> Floats:
-        """W by the right-hand side, (d,) each."""
-        found, damping = self._factor.solve(right), self._damping
+    def solve(self, right: Floats, there: Floats | None = None) -> Floats:
+        """W by the right-hand side, (d,) each.
+
+        Args:
+            right: The right-hand side.
+            there: Places of what is led, 0 of all else; None: it stays.
+        """
+        led, damping = self._bodies.led, self._damping
+        if len(self._bodies.motions):
+            right = right if there is None else right - self._matrix @ there
+            right = np.where(led, 0.0 if there is None else there, right.T).T
+        found = self._factor.solve(right)
         if len(self._shrink):
             found -= damping.modes @ (self._shrink * (damping.momenta.T @ found))
         return np.asarray(found)

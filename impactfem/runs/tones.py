@@ -58,7 +58,8 @@ def _of_plate(scene: Scene, plate: Plate, count: int) -> Floats:
 
     model = solids_model(scene, plan(scene).numbers.degrees)
     few: Any = next(few for few in model.few if plate.name in few.names)
-    return np.asarray(vibrations(few.stiffness, few.weight * ~few.light, count)[0] / (2.0 * np.pi))
+    stiffness, mass = few.swinging
+    return np.asarray(vibrations(stiffness, mass, count)[0] / (2.0 * np.pi))
 
 
 def _of_solid(scene: Scene, solid: Solid, count: int) -> Floats:

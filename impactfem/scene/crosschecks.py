@@ -182,12 +182,16 @@ def _check_marched(scene: Content) -> None:
     places = {body.name: f"body[{index}]" for index, body in enumerate(scene.bodies)}
     for body in scene.bodies:
         for index, support in enumerate(getattr(body, "supports", ())):
-            if (given := getattr(support, "value", None)) is None:
+            name = "value" if hasattr(support, "value") else "motion"
+            if not (given := getattr(support, name, None)):
                 continue
+            given = given if isinstance(given, tuple) else (given,)
             # A displacement that is given may be that of a body that fits its supports.
-            fitted = any(u.plain != 0.0 for u in getattr(body, "displacement", ()))
+            shaped = getattr(body, "displacement", ())
+            each = shaped if isinstance(shaped, tuple) else (shaped,)
+            fitted = any(u.plain != 0.0 for u in each)
             begins = not (scene.starts_at_rest or fitted)
-            key = f"supports[{index}].value"
+            key = f"supports[{index}].{name}"
             check_motion(places[body.name], key, given, scene.duration, from_zero=begins)
     check_finite(scene)
     check_relaxing(scene)

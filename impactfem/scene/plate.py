@@ -167,6 +167,7 @@ class Plate(BodyKind):
     def _check(self) -> None:
         self._check_material()
         self._check_membrane()
+        self._check_motions()
         if self.damping or self.quality_factor or self.damping_ratio:
             fill_damping(self)
         if (self.outline is None) == (self.mesh is None):
@@ -220,6 +221,14 @@ class Plate(BodyKind):
             text = f" = {show(self.membrane)}: bending stretches these layers by itself; take "
             text += 'layers that are symmetric about the middle, or membrane = "none".'
             raise KeyedError(self.kind, "membrane", text)
+
+    def _check_motions(self) -> None:
+        """Refuse motions in its plane."""
+        for index, support in enumerate(self.supports):
+            try:
+                support.led(self.frame[1][2])
+            except KeyedError as error:
+                raise KeyedError(self.kind, f"supports[{index}].motion", error.text) from None
 
     def check_thickness(self, thickness: float) -> None:
         """Refuse a plate that is too thick for its theory somewhere [m].
@@ -309,6 +318,12 @@ class Plate(BodyKind):
         return [body.name for body in bodies if not body.has_surface]
 
     @property
+    def led_edges(self) -> tuple[tuple[str, Formula], ...]:
+        """Edges that move, and their displacements along the normal in t [m]."""
+        each = ((support, support.led(self.frame[1][2])) for support in self.supports)
+        return tuple((support.edge, moved) for support, moved in each if moved is not None)
+
+    @property
     def derived(self) -> tuple[str, ...]:
         """Keys that follow from others: scene files leave them out."""
         return filled_keys(self) if self.damping else ()
@@ -340,6 +355,7 @@ class Plate(BodyKind):
     def swing(self) -> Flight | None:
         """Its start; None if pressures or a displacement move it, or its outline is not known."""
         moved = not (self.displacement.is_constant and float(self.displacement()) == 0.0)
+        moved = moved or any(support.motion is not None for support in self.supports)
         if self.outline is None or moved or self.pressures or not self.velocity.is_constant:
             return None
         outline = self.outline

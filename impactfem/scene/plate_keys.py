@@ -3,12 +3,17 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+import numpy as np
+
+from impactfem.arrays import Floats
 from impactfem.scene.boundary import SURFACE, check_sprung
-from impactfem.scene.given import AFormula, MaybeTable
-from impactfem.scene.inline import InlineTable
+from impactfem.scene.formula import Formula
+from impactfem.scene.given import AFormula, FormulaOrSome, MaybeTable
+from impactfem.scene.inline import FormulaOrFormulas, InlineTable
 from impactfem.scene.kinds import Choice, FormulaOf, Real
 from impactfem.scene.laminate import Ply
 from impactfem.scene.schema import KeyedError, key, table
+from impactfem.scene.values import show
 
 EDGE_SUPPORTS = dict.fromkeys(("clamped", "simply_supported", "soft_support", "free"), False)
 """Ways to hold an edge, and whether by springs."""
@@ -149,9 +154,35 @@ class EdgeSupport:
         Choice(tuple(IN_PLANE)), "whether it moves in the plane of a plate that stretches",
         default=None, absent="held where it does not move along the normal",
     )  # fmt: skip
+    motion: FormulaOrSome = key(
+        FormulaOrFormulas(("t",)),
+        "displacement of an edge that is held: a formula along the normal, or three along the axes "
+        "of the scene, of which that along the normal counts",
+        unit="m", default=None, absent="none",
+    )  # fmt: skip
 
     def _check(self) -> None:
         check_sprung(self, "edge", sprung=EDGE_SUPPORTS[self.kind])
+        if self.motion is not None and not _STAYS[self.kind]:
+            text = f' moves an edge that is {self.kind}: give kind = "clamped", "simply_supported" '
+            raise KeyedError(self.heading, "motion", f'{text}or "soft_support", or remove it.')
+
+    def led(self, normal: Floats) -> Formula | None:
+        """Displacement along the normal of a plate in t [m]; None if there is none.
+
+        Raises:
+            KeyedError: It moves in the plane too.
+        """
+        if self.motion is None or isinstance(self.motion, Formula):
+            return self.motion
+        at = int(np.abs(normal).argmax())
+        beside = [u for k, u in enumerate(self.motion) if k != at and (u.used or u())]
+        if len(self.motion) != 3 or beside or abs(normal[at]) < 1.0 - 1e-12:
+            text = f" = {show([u.plain for u in self.motion])}: plates move along their normal "
+            text += "alone; give one formula, along it."
+            raise KeyedError(self.heading, "motion", text)
+        along = self.motion[at]
+        return along if normal[at] > 0.0 else Formula(f"-({along.text})", ("t",))
 
     @property
     def stays(self) -> bool:

@@ -9,6 +9,9 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.errors import SceneError
+from impactfem.scene import Formula
+from impactfem.scene.jets import motion_at
 from impactfem.scene.obstacles.rotation import gap_at
 from impactfem.scene.plate import Plate
 from impactfem.system.few import FewBodies
@@ -18,6 +21,7 @@ from impactfem.system.membrane import Membrane
 from impactfem.system.plate_damping import PlateDamping
 from impactfem.system.plate_faces import PlateFaces
 from impactfem.system.plate_mesh import PlateMesh
+from impactfem.system.plate_rows import pinned
 from impactfem.system.plate_tips import plate_stations
 from impactfem.system.regions import HeldRegion, Key
 from impactfem.system.stations import Asked, Stations
@@ -57,6 +61,8 @@ class PlateSystem(FewBodies):
         enclosed: Whether all of its outline is held.
         membrane: How its middle stretches; None if it does not.
         regions: What joints hold of it.
+        led: Which of q are deflections of edges that move, (d,).
+        motions: Of such edges which of q, (d,), and their displacement in t [m].
         on_faces: How contact nodes follow the vertices: those of `touch`, or means around.
         touch: Vertices that may touch, (count,); `lines` are triangles between them, for balls.
     """
@@ -82,6 +88,30 @@ class PlateSystem(FewBodies):
     enclosed: bool
     membrane: Membrane | None
     regions: Mapping[Key, HeldRegion]
+    led: Booleans
+    motions: tuple[tuple[Booleans, Formula], ...]
+
+    @property
+    def swinging(self) -> tuple[csr_matrix, Floats]:
+        """Stiffness and mass of vibrations, edges that move at rest: (d, d) and (d,)."""
+        return pinned(self.stiffness, self.led), self.weight * ~(self.light | self.led)
+
+    def leading(self, time: float) -> tuple[Floats, Floats]:
+        """Deflections [m] and velocities [m/s] of edges that move, 0 of all else, (d,) each.
+
+        Raises:
+            SceneError: One is not finite.
+        """
+        found = np.zeros((2, len(self.led)))
+        for own, formula in self.motions:
+            jet = motion_at(formula, time)
+            found[:, own] = np.array([[jet.value], [jet.rate]])
+        if not np.isfinite(found).all():
+            raise SceneError(
+                f"body {self.names[0]}: the motion of an edge is not finite at t = {time:g} s; "
+                "give a formula that is smooth there"
+            )
+        return found[0], found[1]
 
     def stations(self, asked: Sequence[Asked]) -> Stations:
         """See `FewBodies`."""

@@ -26,11 +26,12 @@ from impactfem.system.plate_mesh import (
     apart_from_others,
     held_in_plane,
     held_slopes,
+    led_vertices,
     mass_to_neighbours,
     net_between,
     plate_mesh,
 )
-from impactfem.system.plate_rows import free_basis, patches
+from impactfem.system.plate_rows import free_basis, patches, pinned
 from impactfem.system.plate_tips import held_vertices
 from impactfem.system.plate_tones import first_frequency
 from impactfem.system.regions import HeldRegion, Key
@@ -106,6 +107,7 @@ def discretised(
     """
     thickness = _thicknesses(plate, mesh)
     still, ways = held_slopes(mesh, plate)
+    moved, moves = led_vertices(mesh, plate, still)
     count = len(mesh.points)
     loose = ~still
     for held in (regions or {}).values():
@@ -122,15 +124,11 @@ def discretised(
     ratio = thickness[mesh.cells].mean(axis=1) / section.thickness
     own = section.mass * mesh.lumped(ratio)
     mass = np.asarray(transfer.T @ own)
-    mass[still] = 0.0
-    basis, deflected, vertex = free_basis(still, ways)
+    mass[~moves] = 0.0
+    basis, deflected, vertex = free_basis(~moves, ways)
+    led = deflected & still[vertex]
     triangles = Triangles(mesh, section, ratio, shears)
-    stiffness = triangles.stiffness
-    for support in plate.supports:
-        springs = support.stiffness, support.rotational_stiffness
-        if any(springs):
-            stiffness = stiffness + edge_stiffness(mesh.points, mesh.edges[support.edge], *springs)
-    reduced = csr_matrix(basis.T @ stiffness @ basis)
+    reduced = csr_matrix(basis.T @ _sprung(plate, mesh, triangles.stiffness) @ basis)
     if plate.residual_stress:
         reduced = _stressed(plate, mesh, still, reduced, triangles, basis)
     # Rotary inertia, of plates that shear: others have none, and follow their deflection.
@@ -164,7 +162,8 @@ def discretised(
     def places(q: Floats) -> Floats:
         return np.asarray(rest + faces.moved(faces.told(q)))
 
-    first = first_frequency(reduced, weight * ~massless)
+    swinging = pinned(reduced, led), weight * ~(massless | led)
+    first = first_frequency(*swinging)
     return PlateSystem(
         names=(plate.name,),
         masses=(total,),
@@ -192,7 +191,7 @@ def discretised(
         light=massless,
         node_mass=mass,
         weight=weight,
-        damping=PlateDamping.of(plate, reduced, weight * ~massless),
+        damping=PlateDamping.of(plate, *swinging),
         turning=turning,
         shears=shears,
         thickness=thickness,
@@ -206,9 +205,20 @@ def discretised(
         obstacles=obstacles,
         curved=csr_matrix(triangles.curvatures @ basis),
         enclosed=bool(still[mesh.rim].all()),
+        led=led,
+        motions=tuple((np.isin(vertex, vertices) & led, formula) for vertices, formula in moved),
         membrane=Membrane(triangles, held_in_plane(mesh, plate)) if plate.stretches else None,
         regions=regions or {},
     )
+
+
+def _sprung(plate: Plate, mesh: PlateMesh, stiffness: csr_matrix) -> csr_matrix:
+    """A stiffness with that of springs at edges."""
+    for support in plate.supports:
+        springs = support.stiffness, support.rotational_stiffness
+        if any(springs):
+            stiffness = stiffness + edge_stiffness(mesh.points, mesh.edges[support.edge], *springs)
+    return stiffness
 
 
 def _thicknesses(plate: Plate, mesh: PlateMesh) -> Floats:

@@ -13,12 +13,13 @@ from scipy.spatial import Delaunay
 
 from impactfem import fem
 from impactfem.arrays import Booleans, Floats, Integers
-from impactfem.errors import MeshError
+from impactfem.errors import MeshError, SceneError
 from impactfem.mesh.body_files import read_body
 from impactfem.mesh.checks import check_body
 from impactfem.mesh.outline import NEAR, Frame, Outline, Plane, Polygon
 from impactfem.mesh.raw import RawMesh
 from impactfem.mesh.shapes import drawn_mesh, shape_mesh
+from impactfem.scene import Formula
 from impactfem.scene.plate import Plate
 from impactfem.scene.plate_outlines import PolygonOutline
 
@@ -182,6 +183,34 @@ def held_slopes(mesh: PlateMesh, plate: Plate) -> tuple[Booleans, list[list[Floa
         for vertex, along in held(mesh, pairs).items():
             ways[vertex] += along
     return still, ways
+
+
+def led_vertices(
+    mesh: PlateMesh, plate: Plate, still: Booleans
+) -> tuple[list[tuple[Integers, Formula]], Booleans]:
+    """Vertices of edges that move and their displacements in t [m]; which vertices move at all.
+
+    Raises:
+        SceneError: Two edges move a vertex unlike.
+    """
+    by: dict[int, str] = {}
+    found, edges = [], dict(plate.led_edges)
+    for support in plate.supports if edges else ():
+        moved = edges.get(support.edge)
+        own = np.unique(mesh.edges[support.edge])
+        own = own[still[own]]
+        text = "" if moved is None else moved.text
+        if any(by.setdefault(vertex, text) != text for vertex in own.tolist()):
+            raise SceneError(
+                f"body {plate.name}: edge {support.edge} shares a corner with one that does not "
+                "move alike; give both the same motion, or leave an edge between them free"
+            )
+        if moved is not None:
+            found.append((own, moved))
+    moves = ~still
+    for vertices, _ in found:
+        moves[vertices] = True
+    return found, moves
 
 
 def held_in_plane(mesh: PlateMesh, plate: Plate) -> Booleans:

@@ -1,7 +1,7 @@
 """What coordinates of a plate do to its vertices and contact nodes, row by row."""
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.spatial import cKDTree
 
 from impactfem.arrays import Booleans, Floats, Integers
@@ -34,6 +34,14 @@ def free_basis(still: Booleans, ways: list[list[Floats]]) -> tuple[csr_matrix, B
     shape = DOFS * len(still), len(vertices)
     basis = csr_matrix(coo_matrix((values, (rows, columns)), shape=shape))
     return basis, np.array(deflected, dtype=bool), np.array(vertices, dtype=np.int64)
+
+
+def pinned(matrix: csr_matrix, led: Booleans) -> csr_matrix:
+    """A matrix with ones on the diagonal, and nothing beside, where coordinates are led."""
+    if not led.any():
+        return matrix
+    kept = diags((~led).astype(float))
+    return csr_matrix(kept @ matrix @ kept + diags(led.astype(float)))
 
 
 def patches(mesh: PlateMesh, touch: Integers, radius: float) -> csr_matrix:

@@ -332,6 +332,8 @@ def _plate(scene: Scene, plate: Any) -> str:
     text += _damping(plate)
     for support in plate.supports:
         text += f" Its edge {support.edge} is {_EDGES[support.kind]}."
+        if (moved := support.led(plate.frame[1][2])) is not None:
+            text += f" It moves by {formula(moved, 'm')} along the normal."
     for load in plate.pressures:
         text += f" A pressure {formula(load.value, 'Pa')} pushes on its {load.face}."
     if not is_zero((plate.displacement,)):
