@@ -200,7 +200,7 @@ class FiniteMidpoint(FiniteBody):
         system, step = self._system, self._span
         moved = self._after - self.displacement
         inside = self._strain.force(self.displacement, self._after)
-        pushed = self._surface.pulled(forces, system.constrained)
+        pushed = self._pushed(forces)
         self._pressed = self._strain.pressed(self.displacement, self._after)
         rate = moved / step
         inert = self._times_mass(
@@ -223,6 +223,10 @@ class FiniteMidpoint(FiniteBody):
         self._stale = self._stale or found > _SLOW * self._left
         self._left = found
         return found
+
+    def _pushed(self, forces: Floats) -> Floats:
+        """Forces (count, dim) on the contact nodes as those on the owned dofs."""
+        return self._surface.pulled(forces, self._system.constrained)
 
     def linearise(self) -> Floats:
         """Solve for what balances the iterate; how contact nodes move by it (collective).

@@ -136,12 +136,12 @@ class HeldLumped(HeldByRows[Linear]):
         self._rest = by.joined_coordinates.copy()
         self._wrench = np.zeros(6 * count)
         self._reach: Floats | None = None
-        self._renew()
+        self.renew()
         moved, turned = np.diag(self._flat).reshape(count, 2, 3).sum(axis=(0, 2))
         # By which spins are compared with speeds [m].
         self._arm = float(np.sqrt(moved / turned)) if turned > 0.0 else 0.0
 
-    def _renew(self) -> None:
+    def renew(self) -> None:
         """How stations answer to impulses in the layer, (6 stations, 6 stations)."""
         reach = self.by.reach
         if reach is not self._reach:
@@ -158,7 +158,7 @@ class HeldLumped(HeldByRows[Linear]):
         """Take up a step."""
         self.by.set_out(start, end)
         self._wrench = np.zeros(len(self._rows))
-        self._renew()
+        self.renew()
 
     def _moved(self, moved: Floats) -> Floats:
         """Places by ways of the coordinates."""
@@ -192,7 +192,7 @@ class HeldLumped(HeldByRows[Linear]):
         linear = self.by.impel(self._rows.T @ self._wrench)
         if linear:
             return True
-        self._renew()
+        self.renew()
         found, size, off = self._rates(self.by.rates_ahead), 0.0, 0.0
         each = zip(found, (motion.speeds, motion.spins), (1.0, self._arm), strict=True)
         for rates, thought, arm in each:

@@ -297,13 +297,27 @@ class _Making:
         ]
         if joints is None:
             return NewtonBodies([*solids, *beside])
-        held = _held([(self.few[at - first], own) for at, own in joints.parts])
+        each = joints.parts
+        held = _held([(solids[a] if a < first else self.few[a - first], own) for a, own in each])
         return JointedNewton([*solids, *beside], joints, held)
+
+    @property
+    def _tipped(self) -> dict[int, Stations]:
+        """Tips of the solids that joints hold."""
+        joints = self.model.joints
+        each = () if joints is None else joints.parts
+        return {at: stations for at, stations in each if at < len(self.each)}
 
     def iterated(self) -> tuple[Started | None, Any, TimeLoop[Any]]:
         """Of bodies whose steps are solved by iterates; what joints hold is with them."""
         kind = self.kind
-        bodies = [FiniteMidpoint(p.system, p.solid, s, t, self.dt, kind) for p, s, t in self.each]
+        bodies, held = list[FiniteMidpoint](), self._tipped
+        for k, (part, surface, transfer) in enumerate(self.each):
+            given = part.system, part.solid, surface, transfer, self.dt, kind
+            if k in held:
+                bodies.append(_finite_tipped(*given, self.model.tips[k].nodes, held[k]))
+            else:
+                bodies.append(FiniteMidpoint(*given))
         steppers = cast("list[NewtonStepper]", bodies)
         interior = steppers[0] if self.alone else self._joined(steppers)
         started = self._brought_to_rest(bodies, interior)
@@ -440,6 +454,13 @@ def _interior(
         made: Interior = scheme.interior(part.system, surface, statics, transfer, dt, linear_solver)
         return made
     return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)
+
+
+def _finite_tipped(*given: Any) -> FiniteMidpoint:
+    """See `FiniteTipped`."""
+    from impactfem.marching.finite_tipped import FiniteTipped  # noqa: PLC0415  (if joints hold it)
+
+    return FiniteTipped(*given)
 
 
 def _free(part: SolidPart, surface: SurfaceNodes) -> Floats:

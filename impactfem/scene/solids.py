@@ -94,6 +94,7 @@ class Solid(BodyKind):
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True
     in_elements: ClassVar[bool] = True
+    joined_in_steps: ClassVar[bool] = True
     may_meet_nothing: ClassVar[bool] = True
     settles: ClassVar[bool] = True
     lined: ClassVar[bool] = True

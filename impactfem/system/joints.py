@@ -270,6 +270,7 @@ class Joints:
         apart = np.where(self.holding, self.rates_now() - wanted, 0.0)
         reach = float(np.abs(terms.arms).max())
         largest = np.abs(self.speeds).max() + reach * np.abs(whirls).max() + _LED * led
+        largest = max(largest, *(stations.fastest for _, stations in self.parts))
         turns = terms.rows[np.isin(terms.kinds, (DOT, ANGLE))]
         allowed = np.full(self.count, _MOVING * largest)
         allowed[turns] = _MOVING * (largest / reach if reach else np.abs(whirls).max())

@@ -46,6 +46,7 @@ class Stations:
         axes: By rows the directions in which each moves or does not, (3, 3); None: all alike.
         told: Says the rates that impulses (stations, 6) at t = 0 make, by the keys that set them;
             None: velocities and spins of the stations say it.
+        fastest: Largest speed at t = 0 of what they are means of [m/s], by which these round.
     """
 
     of: tuple[int, ...]
@@ -62,6 +63,7 @@ class Stations:
     given: tuple[str, ...]
     told: Callable[[Floats], str] | None = None
     axes: Floats | None = None
+    fastest: float = 0.0
 
     @classmethod
     def along(

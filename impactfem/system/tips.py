@@ -81,4 +81,5 @@ class Tips:
             nodes.gather(system.velocity).ravel(),
         )
         count = int((~gather(system.comm, system.constrained)).sum())
-        return replace(found, freedoms=count, given=())
+        fastest = float(np.abs(nodes.gather(system.velocity)).max(initial=0.0))
+        return replace(found, freedoms=count, given=(), fastest=fastest)
