@@ -1,4 +1,4 @@
-"""Implicit steps of a solid under finite strain whose tips joints hold; see `impactfem.system.tips`.
+"""Implicit steps of a solid under finite strain, held by its tips; see `impactfem.system.tips`.
 
 Forces of joints act at the mean places of a step, by rows J of the tips there, which turn with
 their nodes: their work is that on the ways and turns which joints see, and energy stays. In each
@@ -68,6 +68,8 @@ class FiniteTipped(FiniteMidpoint):
         self._places = nodes.gather(system.positions.ravel()).ravel()
         self._rows = self._tips.rows(self._places)
         self._far = bool(solid.is_finite)
+        self._made = -1  # tangent by which the rows' answers are
+        self._begun: Floats | None = None  # rates of the tips at the start of the step
         self._looks, self._laid = 0, np.zeros((surface.count, system.dim))
         self._kicks: LinearSolver | None = None
         self._holder: HeldLumped | None = None
