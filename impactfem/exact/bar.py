@@ -76,6 +76,7 @@ class ExactBar:
         gravity_values: ArrayLike = (0.0,),
         far_end: FarEnd = "free",
         drive: EndDrive | None = None,
+        damping: float = 0.0,
         resolution: int = 2048,
     ) -> None:
         """Solve for all times at once.
@@ -92,6 +93,7 @@ class ExactBar:
             gravity_values: (m,) acceleration p towards the wall [m/s^2], of any sign.
             far_end: "free" or "clamped".
             drive: what drives the far end; None: nothing.
+            damping: of a damper at a free far end, over rho A c, not below 0.
             resolution: breakpoints of the wave kept from one return from the far end to the next
                 (never fewer than four times the pieces, and what the drive has); irregular bouncing
                 asks for ever more.
@@ -126,7 +128,7 @@ class ExactBar:
             self._load,
             gap=max(gap, 0.0),
             duration=self.duration + self.transit_time,
-            clamped=clamped,
+            turn=-1.0 if clamped else (1.0 - damping) / (1.0 + damping),
             resolution=max(
                 resolution, 4 * self.pieces + (0 if drive is None else len(drive.values))
             ),
@@ -149,6 +151,7 @@ class ExactBar:
         gravity_values: ArrayLike = (0.0,),
         far_end: FarEnd = "free",
         drive: EndDrive | None = None,
+        damping: float = 0.0,
         pieces: int = 256,
         tolerance: float = 1e-11,
         resolution: int = 2048,
@@ -170,6 +173,7 @@ class ExactBar:
             gravity_values: as in the class.
             far_end: "free" or "clamped".
             drive: what drives the far end; None: nothing.
+            damping: as in the class.
             pieces: number of equal pieces to begin with, for data that are not affine.
             tolerance: error of displacements that the pieces may leave, relative to the largest.
             resolution: as in the class.
@@ -192,6 +196,7 @@ class ExactBar:
             gravity_values=gravity_values,
             far_end=far_end,
             drive=drive,
+            damping=damping,
             resolution=resolution,
         )
         bar.sampled = bar.sampled or start.middle is not None

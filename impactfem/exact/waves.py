@@ -10,7 +10,9 @@ happens at the wall follows from the arriving wave w(t) = (v + s)(t, 0):
 With l = L/c and p = 0 before t = 0 the leaving wave returns after 2 l as
 
 * free far end: w(t) = w_out(t - 2l) - int_{t-2l}^t p;
-* clamped far end: w(t) = -w_out(t - 2l) + int_{t-2l}^{t-l} p - int_{t-l}^t p.
+* clamped far end: w(t) = -w_out(t - 2l) + int_{t-2l}^{t-l} p - int_{t-l}^t p;
+* damper d rho A c: w(t) = r (w_out(t - 2l) - int_{t-2l}^{t-l} p) - int_{t-l}^t p, with
+  r = (1 - d) / (1 + d): nothing returns from d = 1.
 
 So w is piecewise linear and the gap piecewise quadratic in time, and impacts and releases are
 roots of linear and quadratic functions. Time is counted inside windows of length 2 l: a
@@ -159,7 +161,7 @@ class Wall:
 
 
 def follow(
-    leaving: Line, load: Load, *, gap: float, duration: float, clamped: bool, resolution: int,
+    leaving: Line, load: Load, *, gap: float, duration: float, turn: float, resolution: int,
     drive: EndDrive | None = None,
 ) -> tuple[Wave, list[tuple[float, bool]], float]:  # fmt: skip
     """Follow the wave at the wall until `duration`.
@@ -175,7 +177,8 @@ def follow(
         load: acceleration towards the wall.
         gap: u(0, 0) >= 0 [m].
         duration: end time [s].
-        clamped: whether the far end is held.
+        turn: what the far end makes of a wave: 1 free, -1 held, (1 - d) / (1 + d) with a damper d
+            over rho A c.
         resolution: largest number of breakpoints kept from window to window.
         drive: of the far end; None: nothing drives it.
 
@@ -186,7 +189,7 @@ def follow(
     Raises:
         SceneError: the motion has more breakpoints than memory should hold.
     """
-    length, sign = leaving.border[-1], -1.0 if clamped else 1.0
+    length = leaving.border[-1]
     wall = Wall(length, gap, speed=max(map(abs, [*leaving.left, *leaving.right])), reach=gap)
     before = 0.5 * np.diff(leaving.border) * (np.array(leaving.left) + leaving.right)
     gaps = (gap - np.cumsum(before[::-1])[::-1]).tolist()
@@ -199,7 +202,7 @@ def follow(
         line = leaving.merge(_VALUE * wall.speed)
         if len(line.left) > resolution:
             line, exact_until = line.coarsen(resolution), min(exact_until, k * length)
-        rows = wall.cross(k * length, _arrive(line, load, k, sign, drive))
+        rows = wall.cross(k * length, _arrive(line, load, k, turn, drive))
         kept.add(k * length, rows)
         leaving = Line(
             [row[0] for row in rows] + [length],
@@ -243,33 +246,37 @@ class _Kept:
         return Wave(start, value, slope, np.array(self.contact), np.array(self.gap), impulse)
 
 
-def _arrive(leaving: Line, load: Load, k: int, sign: float, drive: EndDrive | None) -> Line:
+def _arrive(leaving: Line, load: Load, k: int, turn: float, drive: EndDrive | None) -> Line:
     """The wave that arrives in window k from the one that left in window k - 1."""
     length = leaving.border[-1]
     begin, half = k * length, 0.5 * length
     # Counted from the window's begin: differences of large times would cost digits.
     near = load.around(begin - length, begin + length, begin)
     driven = None if drive is None else drive.around(begin - half, begin + half, begin - half)
-    shifts = (0.0, length) if sign > 0 else (0.0, half, length)
+    shifts = (0.0, length) if turn == 1.0 else (0.0, half, length)
     cuts = [near.times[1:] + x for x in shifts] if len(near.times) > 1 else []
     cuts += [] if driven is None else [driven.times]
+    # What was on its way to the wall at t = 0 meets no far end: it is kept as if 1 or -1 did.
+    whole = abs(turn) == 1.0 or k > 0
+    cuts += [] if whole else [np.array([half])]
     if cuts:
         leaving = leaving.split(np.concatenate(cuts), SNAP * length)
     now = np.array(leaving.border)
     if len(near.times) == 1:
-        drops = np.full(len(now), near.values[0] * length if sign > 0 else 0.0)
-    elif sign > 0:
+        drops = np.full(len(now), near.values[0] * half * (1.0 + turn))
+    elif turn == 1.0:
         drops = near.moments(now - length, np.array(length))[0]
     else:
         drops = near.moments(now - half, np.array(half))[0]
-        drops = drops - near.moments(now - length, np.array(half))[0]
+        drops = drops + turn * near.moments(now - length, np.array(half))[0]
     low, high = drops[:-1], drops[1:]
     if driven is not None:
         low, high = np.stack([low, high]) - 2.0 * driven.ends(now).T
+    turns = [turn if whole or x >= half else 1.0 for x in leaving.border[:-1]]
     return Line(
         leaving.border,
-        [sign * w - p for w, p in zip(leaving.left, low.tolist(), strict=True)],
-        [sign * w - p for w, p in zip(leaving.right, high.tolist(), strict=True)],
+        [f * w - p for f, w, p in zip(turns, leaving.left, low.tolist(), strict=True)],
+        [f * w - p for f, w, p in zip(turns, leaving.right, high.tolist(), strict=True)],
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from impactfem.arrays import Floats
+from impactfem.errors import SceneError
 from impactfem.inverse.bar_adjoints import Adjoints
 from impactfem.inverse.bars import apart, differences
 from impactfem.inverse.held_sets import HeldSets, Marks, check_one_bar, rebound_level
@@ -38,10 +39,15 @@ class LayeredBars(HeldSets):
         """On the elements of a plan, or on the user's mesh.
 
         Raises:
-            SceneError: There are several bars.
+            SceneError: There are several bars, or feedback at the far end.
             MeshError: The mesh has no layers of equal height.
         """
         check_one_bar(chosen)
+        if scene.bar.end_damping:
+            raise SceneError(
+                'solve.method = "galerkin": its derivatives know no feedback at the far end; '
+                'give "exact"'
+            )
         if scene.mesh_path is not None:
             travel, dt, _ = layers_of_mesh(scene, "galerkin")
             return cls(chosen, travel / scene.bar.length, dt / scene.bar.transit_time)

@@ -47,7 +47,7 @@ def substitute(inverse, lower, x):
 @compiled
 def two_step(
     mass, stiffness, element_mass, spring, dt, clamped, velocity, loads, forces, pushes, ways,
-    now, step, push, speeds, first, last, marks,
+    damper, now, step, push, speeds, first, last, marks,
     kept, displacement, rate, gap, far, multiplier, kinetic, elastic, mean, work,
 ):  # fmt: skip
     """March the layers first ... last - 1 of the Petrov-Galerkin recursion.
@@ -71,6 +71,8 @@ def two_step(
         forces: Of the load on each node in each layer [m^2/s^2], as `node_loads` has them.
         pushes: Force on the last node in each row [m^2/s^2].
         ways: Of the last node in each layer, where it is held [m].
+        damper: Of the last node over rho A [m/s]: its force is that by the speed of each row, the
+            central difference; the first row has that of its layer.
         now: u^first, shape (nodes,); becomes u^last.
         step: u^first - u^{first-1}; becomes that of the last layer. Summing steps keeps rounding
             errors to one per layer, where 2 u^m - u^{m-1} would let them grow with its square.
@@ -112,6 +114,9 @@ def two_step(
             old[j] = step[j]
             step[j] = step[j] * ongoing + change
             pull = ahead
+        if damper > 0.0:
+            held = 0.5 * dt * damper / mass[n - 1]
+            step[n - 1] = (step[n - 1] - held * ongoing * old[n - 1]) / (1.0 + held)
         step[0] -= push * response
         free = now[0] + step[0]
         mark = marks[m - first]

@@ -192,7 +192,7 @@ def _two_step(
         end.push = kernels.two_step(
             chain.mass, chain.stiffness, chain.element_mass, bar.wall_spring, numbers.dt,
             chain.clamped, chain.velocity, loads, forces, pushes, ways,
-            end.now, end.step, end.push, end.speeds,
+            bar.end_damping / bar.section, end.now, end.step, end.push, end.speeds,
             first, first + len(marks), marks, record.kept, record.displacement, record.rate,
             record.gap, record.far, record.multiplier, record.kinetic, record.elastic, record.mean,
             record.work,

@@ -79,6 +79,7 @@ def in_units(
         gravity_values=speed / second * np.array(gravity.values),
         far_end="clamped" if bar.far_end == "clamped" else "free",
         drive=drive,
+        damping=bar.end_damping / bar.impedance,
         **settings,
     )
 

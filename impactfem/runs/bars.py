@@ -220,6 +220,10 @@ def run(scene: Scene, plan: Plan[BarNumbers], progress: Progress, saved: Checkpo
     progress.step("measuring the error")
     measured = _measured(scene, plan, thinned(full, scene))
     (wall,) = scene.obstacles
+    if scene.controllers:  # which act at its far end
+        work = float(scene.bar.section * full.end_work[-1])
+        details = {**full.effort.details, "end_work": work}
+        full = replace(full, effort=replace(full.effort, details=details))
     row = RowMotion.of_one(full, scene.bar, wall.name)
     return run_of_bars(scene, plan, _as_used(scene, plan), row, measured, cost)
 

@@ -434,6 +434,8 @@ def controlled(scene: Scene, run: Run) -> Run:
         if along is not None and along in run.history:
             way = np.diff(run.history[along].values)
             work = float(0.5 * (found[1:] + found[:-1]) @ way)
+        if own.name in (bar.far_end_force.plain for bar in scene.bars):  # all that acts there
+            work = run.effort.details.get("end_work", work)
         figures[own.name] = ControllerFigures(
             kind=own.law, sample=0.0, inertia=None, spectral_radius=None,
             saturated=float(np.mean((found <= low) | (found >= high))),

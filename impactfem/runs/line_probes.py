@@ -115,12 +115,17 @@ def check_bar_probes(scene: Scene) -> None:
 
 def every_level(scene: Scene) -> Scene:
     """The scene as it is run for its probes: they look at every level."""
-    return replace(scene, output=replace(scene.output, every=1)) if scene.probes else scene
+    return replace(scene, output=replace(scene.output, every=1)) if _looks(scene) else scene
+
+
+def _looks(scene: Scene) -> bool:
+    """Whether something looks at every level: probes, or controllers at far ends."""
+    return bool(scene.probes) or any("v" in bar.far_end_force.used for bar in scene.bars)
 
 
 def thinned[M: (BarMotion, RowMotion)](motion: M, scene: Scene) -> M:
     """The motion with the fields of those levels only that were asked for."""
-    if not scene.probes:
+    if not _looks(scene):
         return motion
     kept = kept_levels(len(motion.times) - 1, scene.output.stride)
 
@@ -146,7 +151,14 @@ def bar_probes(scene: Scene, motion: RowMotion) -> Probed:
         found[probe.name] = _of_bar(
             probe, scene.bars[k], motion.positions[k], motion.displacement[k], motion.velocity[k]
         )
-    return accelerated(scene.probes, motion.times, found)
+    told = accelerated(scene.probes, motion.times, found)
+    for k, bar in enumerate(scene.bars):
+        if "v" in bar.far_end_force.used:
+            end = Probe(name="far_end", body=bar.name, point=[bar.length])
+            told[f"{bar.name}.far_end"] = _of_bar(
+                end, bar, motion.positions[k], motion.displacement[k], motion.velocity[k]
+            )
+    return told
 
 
 def _of_bar(probe: Probe, bar: Bar, x: Floats, u: Floats, v: Floats) -> dict[str, Floats]:

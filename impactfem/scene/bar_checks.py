@@ -30,6 +30,21 @@ def _check_along(bar: Bar, end: float) -> None:
             raise KeyedError("body[0]", "load", f"{text}{t:.6g} s: give one along all of the bar.")
 
 
+def _check_feedback(bar: Bar, method: str | None) -> None:
+    """Refuse feedback at the far end where waves do not tell its velocity.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    why = "falls with v, which is followed in a uniform bar at a rigid wall, without a load along"
+    if not bar.has_two_waves:
+        text = f" = {show(bar.far_end_force.plain)} {why}: remove v, or what else there is."
+        raise KeyedError("body[0]", "far_end_force", text)
+    if method not in {None, "exact", "galerkin"}:
+        text = f" = {show(method)} does not know the force of a far end that falls with its "
+        raise KeyedError("solve", "method", f'{text}velocity: give "exact" or "galerkin".')
+
+
 def check_drive(scene: Content) -> None:
     """Refuse loads and motions of a bar that jump or are not finite, or that a method misses.
 
@@ -39,7 +54,7 @@ def check_drive(scene: Content) -> None:
     (bar,) = scene.bars
     moved, begins = bar.far_end_displacement, bar.displacement.plain == 0.0
     check_motion("body[0]", "far_end_displacement", [moved], scene.duration, from_zero=begins)
-    finite_values("body[0]", "far_end_force", bar.far_end_force, scene.duration)
+    finite_values("body[0]", "far_end_force", bar.end_force, scene.duration)
     if bar.is_loaded:
         for k in range(_PLACES + 1):
             at = bar.load.fixed(x=bar.length * k / _PLACES)
@@ -51,6 +66,8 @@ def check_drive(scene: Content) -> None:
             f" = {show(method)} knows no prescribed motion of the far end: give another, as exact."
         )
         raise KeyedError("solve", "method", text)
+    if bar.end_damping:
+        _check_feedback(bar, method)
     if bar.has_two_waves:
         return
     why = "waves keep their shape in a uniform bar at a rigid wall, without a load along it, only"

@@ -86,8 +86,8 @@ class Bar(BodyKind):
         FormulaOf(("x",)), "displacement at t = 0, added to the gap", unit="m", default=0.0
     )
     far_end_force: AFormula = key(
-        FormulaOf(("t",)), "force on the far end along the axis, away from the wall", unit="N",
-        default=0.0,
+        FormulaOf(("t", "v")), "force on the far end along the axis, away from the wall; it may "
+        "fall with the velocity v of that end", unit="N", default=0.0,
     )  # fmt: skip
     load: AFormula = key(
         FormulaOf(("t", "x")), "force along the bar per length, away from the wall", unit="N/m",
@@ -193,7 +193,7 @@ class Bar(BodyKind):
     @property
     def is_loaded(self) -> bool:
         """Whether a load acts along it."""
-        return self.load.plain != 0.0
+        return bool(self.load.plain != 0.0)
 
     @property
     def jumps(self) -> Floats:
@@ -269,12 +269,31 @@ class Bar(BodyKind):
         """What the far end gives to waves, F / (rho A c) or its own speed, at some times [m/s]."""
         if self.far_end == "clamped":
             return np.asarray(motion_at(self.far_end_displacement, t).rate) + np.zeros_like(t)
-        return np.asarray(self.far_end_force(t=t) / self.impedance) + np.zeros_like(t)
+        force = self.end_force(t=t) / (self.impedance + self.end_damping)
+        return np.asarray(force) + np.zeros_like(t)
+
+    @cached_property
+    def end_force(self) -> Formula:
+        """Force on the far end without what its velocity adds, in t [N]."""
+        return self.far_end_force.fixed(v=0.0)
+
+    @cached_property
+    def end_damping(self) -> float:
+        """Of the far end: by how much the force falls with its velocity [N s/m]."""
+        if "v" not in self.far_end_force.used:
+            return 0.0
+        from impactfem.scene.affine import affine_parts  # noqa: PLC0415  (rare)
+
+        found = affine_parts(self.far_end_force, ("v",))
+        if found is None or found[0][0] > 0.0:
+            why = "does not fall in proportion to v: give a force of t less a number times v"
+            raise self._fail("far_end_force", f"{why}.")
+        return -found[0][0]
 
     @property
     def _drive(self) -> Formula:
         held = self.far_end == "clamped"
-        return self.far_end_displacement if held else self.far_end_force
+        return self.far_end_displacement if held else self.end_force
 
     def end_breaks(self, end: float) -> list[Break]:
         """Where that jumps or bends, up to a time [s], in order."""
@@ -328,6 +347,7 @@ class Bar(BodyKind):
         if self.far_end == "clamped" and self.far_end_force.plain != 0.0:
             why = "acts on a far end that is held: remove it, or far_end and far_end_displacement."
             raise self._fail("far_end_force", why)
+        self.end_damping  # noqa: B018  (as it is read)
 
     def _check_place(self) -> None:
         """Refuse a place in space that is half given, or given twice."""

@@ -53,7 +53,7 @@ _RATES = {"q": "v", "angle": "spin", **{f"{a}": f"v{a}" for a in AXES}}
 _RATES |= {f"u{a}": f"v{a}" for a in AXES}
 _ACTED = re.compile(
     r"joint\.[^.]+\.motor|body\.[^.]+\.joints\.[^.]+\.(motor|control)|"
-    r"body\.[^.]+\.(force|moment)(\.[xyz012])?|body\.[^.]+\.(tractions|pressures)\..+"
+    r"body\.[^.]+\.(far_end_force|(force|moment)(\.[xyz012])?)|body\.[^.]+\.(tractions|pressures)\..+"
 )
 
 
@@ -108,7 +108,8 @@ class Controller:
     acts: str = key(
         Line(),
         "path of the formula in t that it is added to: joint.J.motor, body.M.joints.J.motor, "
-        "body.B.force.x, body.B.moment, body.B.tractions.0.value.x, body.B.pressures.0.value",
+        "body.B.force.x, body.B.moment, body.B.tractions.0.value.x, body.B.pressures.0.value, "
+        "body.B.far_end_force",
     )
     of: str | None = key(
         Line(), "column that is fed back, as joint.knee.q or ball.x", default=None, absent="columns"
@@ -178,9 +179,10 @@ class Controller:
                 raise self._fail(name, f"{text}{' or '.join(laws)}.")
         if not _ACTED.fullmatch(self.acts):
             text = f" = {show(self.acts)} is no force or motor: give joint.J.motor, "
-            text += "body.B.force.x, body.B.moment, body.M.joints.J.motor, or a value of "
-            raise self._fail("acts", f"{text}tractions or pressures.")
+            text += "body.B.force.x, body.B.moment, body.M.joints.J.motor, body.B.far_end_force, "
+            raise self._fail("acts", f"{text}or a value of tractions or pressures.")
         self._check_limits()
+        self._check_end()
         if self.delay and not self.sample:
             text = f" = {self.delay:g} s without sample: give sample, of which it is a multiple."
             raise self._fail("delay", text)
@@ -201,6 +203,15 @@ class Controller:
         if self.law == "bang_bang" and not -math.inf < low < 0.0 < high:
             text = " of a bang_bang controller are its two forces: give a negative and a positive."
             raise self._fail("limits", text)
+
+    def _check_end(self) -> None:
+        """Refuse what the far end of a bar does not follow within its waves."""
+        if not self.acts.endswith(".far_end_force"):
+            return
+        column = next(name for name, word in self._own.items() if word)
+        if not self.in_steps or self.limits is not None:
+            text = f" = {show(self.acts)} takes feedback of {column} alone, by kind p or feedback, "
+            raise self._fail("acts", f"{text}without limits, sample, delay and noise.")
 
     def _check_gains(self) -> None:
         gains = _GAINS[self.law]
@@ -306,6 +317,8 @@ class Controller:
             first = AXES[int(heads[3])] if heads[3:] and heads[3].isdigit() else (*heads, "x")[3]
             names = [first, *AXES, *(f"v{axis}" for axis in AXES)]
             return {f"{heads[1]}.{name}": name for name in names}
+        if heads[2] == "far_end_force":
+            return {f"{heads[1]}.far_end.ux": "", f"{heads[1]}.far_end.vx": "v"}
         if heads[2] == "moment" and len(heads) == 3:
             return {f"{heads[1]}.angle": "", f"{heads[1]}.spin": "w"}
         return {}

@@ -15,7 +15,7 @@ _PLACES = 33  # at which a load is looked at for its size
 
 
 def end_means(bar: Bar, times: Floats) -> Floats:
-    """Mean speed that the far end gives to waves in each layer (`Bar.end_speed`) [m/s].
+    """Mean of force over impedance, or of its speed, of the far end in each layer [m/s].
 
     Args:
         bar: The bar.
@@ -27,7 +27,7 @@ def end_means(bar: Bar, times: Floats) -> Floats:
     if bar.far_end == "clamped":
         dt = np.diff(times)
         return np.divide(end_ways(bar, times), dt, out=np.zeros_like(dt), where=dt > 0.0)
-    force = _means(bar.far_end_force, np.shape(times), np.asarray(times, float).tobytes())
+    force = _means(bar.end_force, np.shape(times), np.asarray(times, float).tobytes())
     return np.asarray(force / bar.impedance)
 
 
@@ -83,6 +83,9 @@ def end_work(
         force = end_pushes(bar, times)
     middle = 0.5 * (end[1:] + end[:-1])
     path = np.diff(np.concatenate([end[:1], middle]))
+    if bar.end_damping:  # by the speed of each row: the first one is half a layer
+        wide = 0.5 * (dt + np.concatenate([[0.0], dt[:-1]]))
+        force = force - bar.end_damping / bar.section * path / wide
     return np.concatenate([[0.0], np.cumsum(force * path)])
 
 
@@ -108,7 +111,7 @@ def end_work_at_levels(
         pull = chain.stiffness[-1] * np.diff(far, axis=1)[:-1, 0]
         force = impedance * (rates[:, 1] - speed + 0.5 * dt * pulls) + pull
     else:
-        force = bar.wave_speed * end_means(bar, times)
+        force = bar.wave_speed * end_means(bar, times) - bar.end_damping / bar.section * way / dt
     return np.concatenate([[0.0], np.cumsum(force * way)])
 
 
