@@ -14,6 +14,7 @@ from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.models.vibro import VibroModel, vibro_model
 from impactfem.planning import Plan, VibroNumbers
+from impactfem.result.table import Table
 from impactfem.result.trajectory import Trajectory
 from impactfem.runs.line_probes import vibro_probes
 from impactfem.runs.vibro import settings_of, vibro_history
@@ -36,9 +37,18 @@ class EventRuns:
     chosen: Plan[VibroNumbers]
 
     def _settings(self, scene: Scene, times: Floats) -> EventSettings:
-        made: EventSettings = settings_of(scene, self.chosen)
+        return self._sharp(settings_of(scene, self.chosen), times)
+
+    @staticmethod
+    def _sharp(made: EventSettings, times: Floats) -> EventSettings:
         rtol, atol = min(made.rtol, _RTOL), min(made.atol, 1e-2 * _RTOL)
         return replace(made, times=tuple(times.tolist()), rtol=rtol, atol=atol)
+
+    def _model(self, scene: Scene) -> VibroModel:
+        return vibro_model(scene)
+
+    def _history(self, scene: Scene, model: VibroModel, motion: Trajectory) -> Table:
+        return vibro_history(motion, model, vibro_probes(scene, model)(motion))
 
     def _followed(self, scene: Scene, model: VibroModel, times: Floats) -> tuple[Record, Contacts]:
         return follow(
@@ -48,9 +58,9 @@ class EventRuns:
 
     def outcome(self, scene: Scene, times: Floats) -> Outcome:
         """A run, known at some times."""
-        model = vibro_model(scene)
+        model = self._model(scene)
         record, contacts = self._followed(scene, model, times)
-        return _outcome(scene, model, record.trajectory(contacts), record.legs or [])
+        return self._outcome(scene, model, record.trajectory(contacts), record.legs or [])
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
         """Numbers of a run and their derivatives.
@@ -60,13 +70,13 @@ class EventRuns:
             ConvergenceError: There is no derivative.
         """
         scene, times = changes.scene, quantities.times
-        model = vibro_model(scene)
+        model = self._model(scene)
         record, contacts = self._followed(scene, model, times)
-        outcome = _outcome(scene, model, record.trajectory(contacts), record.legs or [])
+        outcome = self._outcome(scene, model, record.trajectory(contacts), record.legs or [])
         q = quantities.read(outcome, scene)
         count = len(changes.values)
         scenes: list[tuple[list[tuple[Scene, VibroModel]], Floats, Floats]] = [
-            changes.neighbours(k, _STEP, lambda other: (other, _alike(other, model)))
+            changes.neighbours(k, _STEP, lambda other: (other, _alike(self._model(other), model)))
             for k in range(count)
         ]
         neighbours = [
@@ -81,10 +91,32 @@ class EventRuns:
         for k, (made, offsets, weights) in enumerate(scenes):
             for (other, own), offset, weight in zip(made, offsets, weights, strict=True):
                 moved = found.moved(record, own.system, k, float(offset))
-                outcome = _outcome(other, own, moved.trajectory(contacts), moved.legs or [])
+                outcome = self._outcome(other, own, moved.trajectory(contacts), moved.legs or [])
                 slopes[:, k] += weight * quantities.read(outcome, other)
         margin = _margin(record.legs or [], found, times, changes.scales)
         return Slopes(q, slopes, found.doubts, margin)
+
+    def _outcome(
+        self, scene: Scene, model: VibroModel, motion: Trajectory, legs: Sequence[Leg]
+    ) -> Outcome:
+        history = self._history(scene, model, motion)
+        impulse, duration, touched = {}, {}, {}
+        for k, name in enumerate(model.pairs):
+            own = model.pair_of == k
+            impulse[name] = np.cumsum(motion.impulse[:, own].sum(axis=1))
+            touching = set(np.flatnonzero(own).tolist())
+            duration[name] = sum(
+                until.event.time - leg.event.time
+                for leg, until in pairwise(legs)
+                if touching & set(leg.closed)
+            )
+            touches = (leg.event.time for leg in legs if touching & _touched(leg))
+            touched[name] = next(touches, float("nan"))
+        names = list(model.bodies(motion.position[:1], motion.velocity[:1]))
+        return Outcome(
+            history, impulse, duration, _rebounds(model, legs, names),
+            dict(zip(names, model.masses, strict=True)), touched=touched,
+        )  # fmt: skip
 
     def reference(self, scene: Scene) -> None:
         """They have no error but that of their integrator."""
@@ -110,13 +142,12 @@ def _margin(legs: Sequence[Leg], found: Tangents, times: Floats, scales: Floats)
     return margin
 
 
-def _alike(scene: Scene, model: VibroModel) -> VibroModel:
+def _alike(made: VibroModel, model: VibroModel) -> VibroModel:
     """The model of a neighbour.
 
     Raises:
         SceneError: It is of another kind.
     """
-    made = vibro_model(scene)
     rubs = [bool(each.system.static_friction.any()) for each in (made, model)]
     if made.labels != model.labels or made.is_exact != model.is_exact or rubs[0] != rubs[1]:
         raise SceneError(
@@ -124,27 +155,6 @@ def _alike(scene: Scene, model: VibroModel) -> VibroModel:
             "begins at 0, contacts that come and go); start at another value"
         )
     return made
-
-
-def _outcome(scene: Scene, model: VibroModel, motion: Trajectory, legs: Sequence[Leg]) -> Outcome:
-    history = vibro_history(motion, model, vibro_probes(scene, model)(motion))
-    impulse, duration, touched = {}, {}, {}
-    for k, name in enumerate(model.pairs):
-        own = model.pair_of == k
-        impulse[name] = np.cumsum(motion.impulse[:, own].sum(axis=1))
-        touching = set(np.flatnonzero(own).tolist())
-        duration[name] = sum(
-            until.event.time - leg.event.time
-            for leg, until in pairwise(legs)
-            if touching & set(leg.closed)
-        )
-        touches = (leg.event.time for leg in legs if touching & _touched(leg))
-        touched[name] = next(touches, float("nan"))
-    names = list(model.bodies(motion.position[:1], motion.velocity[:1]))
-    return Outcome(
-        history, impulse, duration, _rebounds(model, legs, names),
-        dict(zip(names, model.masses, strict=True)), touched=touched,
-    )  # fmt: skip
 
 
 def _touched(leg: Leg) -> set[int]:

@@ -19,6 +19,7 @@ from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.solids import STEPPED, SolidRuns
 from impactfem.inverse.steps import Changes, Slopes
+from impactfem.inverse.trees import TreeRuns, is_tree
 from impactfem.methods import METHODS
 from impactfem.planning import Plan, plan
 from impactfem.scene import Scene
@@ -99,6 +100,8 @@ RUNS: Mapping[str, Callable[[Plan[Any], Scene], Any]] = {
 
 def _runs(chosen: Plan[Any], scene: Scene) -> Callable[[Plan[Any], Scene], Any] | None:
     """What makes the runs with derivatives of a plan; None if it has none that are right."""
+    if is_tree(scene):
+        return TreeRuns.of if chosen.method == "event_driven" else None
     if scene.solver == "march":
         return SolidRuns.of if chosen.method in STEPPED else None
     return RUNS.get(chosen.method)
@@ -118,6 +121,8 @@ def _planned(scene: Scene) -> Plan[Any]:
         SceneError: There is none.
     """
     chosen, known = plan(scene), _known(scene)
+    if is_tree(scene) and scene.solve.method is None:  # runs take steps, which have no slopes
+        return replace(chosen, method="event_driven")
     uniform = all(bar.has_two_waves for bar in scene.bars) and not scene.gives_way
     fitting = [name for name in known if METHODS[name].exact and uniform] or known
     if scene.solve.method is None and fitting and chosen.method not in fitting:
@@ -173,6 +178,8 @@ class Varied:
         runs = _runs(chosen, scene)
         if runs is None:
             remedy = " or ".join(f"solve.method = {show(n)}" for n in _known(scene))
+            if is_tree(scene):
+                remedy = "no method: bodies and joints then go from event to event by coordinates"
             raise SceneError(
                 f"solve.method = {show(chosen.method)} has no derivatives that are right: use "
                 f"{remedy or 'solids, points, one rod, one rigid body or one bar'}, which have"

@@ -56,8 +56,6 @@ def symbolic(scene: Scene) -> Symbolic:
         SceneError: It has bodies, joints or forces that have no such form.
     """
     names = tuple(control.name for control in scene.controls)
-    if not names:
-        raise SceneError("control: nothing may vary; give a [[control]] with name and acts")
     # Controls stand in formulas as their histories, which are found again by unlike values.
     marked = scene.with_settings({
         f"control.{name}.{key}": value for k, name in enumerate(names)
@@ -247,9 +245,9 @@ class _Reader:
 
     def _drive(self, robot: "RobotParts") -> None:
         """What acts on a mechanism: gravity, dampers and motors of its joints."""
-        casadi, tree = loaded(), self.tree
+        tree = self.tree
         for part in robot.parts:
-            tree.push(tree.centre(part.name), casadi.DM(part.mass * self._gravity()))
+            tree.weigh(part.name, part.mass * self._gravity())
         names = [freedom.name for freedom in tree.freedoms]
         for k, freedom in enumerate(robot.freedoms):
             at = names.index(freedom.name)
@@ -271,12 +269,11 @@ class _Reader:
         casadi, tree = loaded(), self.tree
         centre = tree.centre(body.name)
         weight = body.mass if isinstance(body, Point) else body.total_mass
-        total = casadi.DM(weight * self._gravity())
+        tree.weigh(body.name, weight * self._gravity())
         known = self._state(body)
         if body.force:
             told = [self._value(each, known) for each in body.force]
-            total = total + casadi.vertcat(*told, *[0.0] * (3 - len(told)))
-        tree.push(centre, total)
+            tree.push(centre, casadi.vertcat(*told, *[0.0] * (3 - len(told))))
         if isinstance(body, RigidBody) and body.moment:
             told = [self._value(each, known) for each in body.moment]
             tree.twist(body.name, casadi.vertcat(*([0.0, 0.0] if len(told) == 1 else []), *told))
@@ -284,12 +281,9 @@ class _Reader:
             other = np.zeros(3) if spring.anchor is None else _space(spring.anchor)
             end = tree.place(None, other) if spring.to is None else tree.centre(spring.to)
             away = centre - end
-            if spring.rest_length == 0.0:
-                tree.push(away, -spring.stiffness * away - spring.damping * tree.rate(away))
-            else:
-                length = casadi.norm_2(away)
-                pull = spring.stiffness * (length - spring.rest_length)
-                tree.push(length, -pull - spring.damping * tree.rate(length))
+            if spring.rest_length:
+                away = casadi.norm_2(away) - spring.rest_length
+            tree.pull(away, spring.stiffness, spring.damping)
 
     def _along(self, joint: Joint) -> None:
         """What acts along the coordinate of a joint, or of a spring."""
@@ -303,12 +297,11 @@ class _Reader:
             q = self._length(joint)
             v = tree.rate(q)
         rest = joint.start if joint.rest is None else joint.rest
-        force = -joint.stiffness * (q - rest) - joint.damping * v
+        tree.pull(q - rest, joint.stiffness, joint.damping)
         if joint.motor is not None:
-            force = force + self._value(joint.motor, {"t": tree.t, "q": q, "v": v})
+            tree.push(q, self._value(joint.motor, {"t": tree.t, "q": q, "v": v}))
         if joint.friction:
             raise SceneError(f"joint.{joint.name}.friction: has no smooth form; leave it out")
-        tree.push(q, force)
 
     def _length(self, joint: Joint) -> Any:
         """Coordinate of what holds nothing: a length, or a way along a direction."""

@@ -8,15 +8,16 @@ of which mu is what brings the slip to -e_t of what it was, if the cone lets it.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, override
 
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.scene import Joint, Mechanism, Point, Scene
+from impactfem.scene import Mechanism, Point, Scene
+from impactfem.scene.breaks import Break
 from impactfem.scene.contacts import Contact
 from impactfem.scene.obstacles import HalfSpace
-from impactfem.scene.pairing import law_of
+from impactfem.scene.pairing import law_of, pair_name
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.trajectory.bodies import Symbolic, in_symbols
@@ -34,6 +35,7 @@ class Closing:
 
     Attributes:
         name: What it is between, for messages.
+        pair: Name of the pair of bodies, or of the joint.
         still: Gap of q to what stands still.
         moved: How far that moves towards it, of t.
         motion: The same as a number.
@@ -41,9 +43,12 @@ class Closing:
         restitution: Newton's e.
         friction: Coulomb's coefficient.
         turned: Share of the slip that an impact turns back.
+        limits: Whether it is a limit of a joint.
+        known: Whether it strikes by these laws; others only stay open.
     """
 
     name: str
+    pair: str
     still: Any
     slip: Any = None
     restitution: float = 0.0
@@ -51,6 +56,8 @@ class Closing:
     turned: float = 0.0
     moved: Any = 0
     motion: Signal = _STILL
+    limits: bool = False
+    known: bool = True
 
     @property
     def gap(self) -> Any:
@@ -104,21 +111,17 @@ def closings(scene: Scene, known: Symbolic) -> tuple[list[Closing], list[str]]:
             unseen.append(f"{one}.{two}")
             continue
         found += own
-    for joint in scene.joints:
-        if joint.limits is not None and joint.restitution:
-            found += _limits(joint, known.columns)
+    every = {f"{each.name}.q": (each.limits, each.restitution) for each in scene.joints}
+    every |= {name: (pair, 0.0) for name, pair in known.limits.items()}
+    for column, (ends, restitution) in every.items():
+        if ends is not None and column in known.columns:
+            joint, at = column.removesuffix(".q"), known.columns[column]
+            found += [
+                Closing(f"the {side} limit of {joint}", joint, gap, None, restitution, limits=True)
+                for side, gap in (("lower", at - ends[0]), ("upper", ends[1] - at))
+                if np.isfinite(ends).all()
+            ]
     return found, unseen
-
-
-def _limits(joint: Joint, columns: Any) -> list[Closing]:
-    column, (low, high) = columns.get(f"{joint.name}.q"), joint.limits or ()
-    if column is None:
-        return []
-    sides = {"lower": column - low, "upper": high - column}
-    return [
-        Closing(f"the {side} limit of {joint.name}", gap, None, joint.restitution)
-        for side, gap in sides.items()
-    ]
 
 
 def _of_pair(scene: Scene, tree: Tree, body: Any, other: Any) -> list[Closing] | None:
@@ -126,9 +129,12 @@ def _of_pair(scene: Scene, tree: Tree, body: Any, other: Any) -> list[Closing] |
     nodes, law = _outline(body), law_of(scene, body.name, other.name)
     if nodes is None:
         return None
-    of_law: dict[str, Any] = {}
-    if law is not None and _strikes(law, scene.dim):
-        of_law = {
+    of_law: dict[str, Any] = {
+        "pair": pair_name(scene, body.name, other.name),
+        "known": law is None or _strikes(law, scene.dim),
+    }
+    if law is not None and of_law["known"]:
+        of_law |= {
             "restitution": law.restitution, "friction": law.friction_coefficient,
             "turned": law.tangential_restitution,
         }  # fmt: skip
@@ -144,7 +150,9 @@ def _of_pair(scene: Scene, tree: Tree, body: Any, other: Any) -> list[Closing] |
     normal = (ends[0] - ends[1]) / length
     feet = ends[0] - nodes[1][0] * normal, ends[1] + others[1][0] * normal
     slip = along(_speed(tree, body.name, feet[0]) - _speed(tree, other.name, feet[1]), normal)
-    return [Closing(f"{body.name} on {other.name}", length - reach, slip, **of_law)] * (reach > 0.0)
+    return [Closing(f"{body.name} on {other.name}", still=length - reach, slip=slip, **of_law)] * (
+        reach > 0.0
+    )
 
 
 def _strikes(law: Contact, dim: int) -> bool:
@@ -171,7 +179,7 @@ def _on_plane(
         still = casadi.dot(normal, at - casadi.DM(_space(plane.point))) - radius
         moves = _speed(tree, body, at - radius * normal) - casadi.jacobian(shift, tree.t)
         found.append(
-            Closing(f"{body} on {plane.name}", still, along(moves, normal), **of_law,
+            Closing(f"{body} on {plane.name}", still=still, slip=along(moves, normal), **of_law,
                     moved=casadi.dot(normal, shift), motion=motion)
         )  # fmt: skip
     return found
@@ -218,44 +226,72 @@ def _outline(body: Any) -> tuple[Floats, Floats] | None:
 
 
 def system_of(
-    known: Symbolic, gaps: Sequence[Closing], control: Callable[[float], Floats]
-) -> GeneralizedSystem:
+    known: Symbolic, gaps: Sequence[Closing], control: Callable[[float], Floats],
+    stops: Callable[[float], Sequence[Break]] = lambda _: (),
+) -> GeneralizedSystem:  # fmt: skip
     """The bodies with controls of time as a system, for methods that know nothing of this search.
 
     Args:
         known: The bodies.
         gaps: What they strike.
         control: Of t to the controls (m,).
+        stops: When forces jump, up to some time.
     """
-    casadi, tree = loaded(), known.tree
-    t, q, v, u = tree.t, tree.q, tree.v, known.controls
-    mass = casadi.Function("mass", [q], [tree.mass()])
-    force = casadi.Function("force", [t, q, v, u], [tree.force()])
-    still = casadi.vertcat(casadi.SX(0, 1), *(each.still for each in gaps))
-    phi = casadi.Function("phi", [q], [still])
-    slopes = casadi.Function("slopes", [q], [casadi.jacobian(still, q)])
-    slips = [casadi.SX.zeros(1, v.numel()) if each.slip is None
-             else casadi.jacobian(each.slip, v) for each in gaps]  # fmt: skip
-    slip = casadi.Function("slip", [q], [casadi.vertcat(casadi.SX(0, v.numel()), *slips)])
-    return GeneralizedSystem(
-        mass=_called(mass), dofs=v.numel(), jacobian=_called(slopes),
-        force=lambda t, q, v: _called(force)(t, q, v, control(t)).ravel(),
-        constraints=lambda q: _called(phi)(q).ravel(),
-        restitution=[each.restitution for each in gaps],
-        friction=[each.friction for each in gaps],
-        tangential_restitution=[each.turned for each in gaps],
-        slip=_called(slip), motion=[each.motion for each in gaps],
-        names=[freedom.name for freedom in tree.freedoms],
-    )  # fmt: skip
+    return _TreeSystem(known, gaps, control, stops)
 
 
-def _called(function: Any) -> Callable[..., Floats]:
-    """A function of CasADi as one of arrays."""
+class _TreeSystem(GeneralizedSystem):
+    """A tree in symbols as a system of arrays, with exact derivatives of its gaps and slips."""
 
-    def call(*given: Any) -> Floats:
-        if any(np.iscomplexobj(each) for each in given):
+    def __init__(
+        self, known: Symbolic, gaps: Sequence[Closing], control: Callable[[float], Floats],
+        stops: Callable[[float], Sequence[Break]],
+    ) -> None:  # fmt: skip
+        casadi, tree = loaded(), known.tree
+        t, q, v, u = tree.t, tree.q, tree.v, known.controls
+        count = v.numel()
+        still = casadi.vertcat(casadi.SX(0, 1), *(each.still for each in gaps))
+        none = casadi.SX(1, count)
+        slips = [none if e.slip is None else casadi.jacobian(e.slip, v) for e in gaps]
+        slopes, slip = casadi.jacobian(still, q), casadi.vertcat(casadi.SX(0, count), *slips)
+        self._bends = _array("bends", [q, v], casadi.jtimes(slopes @ v, q, v))
+        self._slip_bends = _array("slip_bends", [q, v], casadi.jtimes(slip @ v, q, v))
+        force = _array("force", [t, q, v, u], tree.force())
+
+        def pushed(t: float, q: Floats, v: Floats) -> Floats:
+            return force(t, q, v, control(t)).ravel()
+
+        pushed.stops = stops  # type: ignore[attr-defined]
+        phi = _array("phi", [q], still)
+        energy = _array("energy", [q], sum(tree.elastic + tree.falls, casadi.SX(0)))
+        super().__init__(
+            mass=_array("mass", [q], tree.mass()), dofs=count, force=pushed,
+            constraints=lambda q: phi(q).ravel(), jacobian=_array("slopes", [q], slopes),
+            restitution=[each.restitution for each in gaps],
+            friction=[each.friction for each in gaps],
+            tangential_restitution=[each.turned for each in gaps],
+            slip=_array("slip", [q], slip), motion=[each.motion for each in gaps],
+            potential=lambda _, q: energy(q).item(),
+            names=[freedom.name for freedom in tree.freedoms],
+        )  # fmt: skip
+
+    @override
+    def gap_curvature(self, t: float, u: Floats, v: Floats) -> Floats:
+        return self._bends(u, v).ravel() - self.motion_curvature(t)
+
+    @override
+    def slip_curvature(self, u: Floats, v: Floats) -> Floats:
+        return self._slip_bends(u, v)
+
+
+def _array(name: str, given: Sequence[Any], told: Any) -> Callable[..., Floats]:
+    """What symbols tell, as a function of arrays."""
+    function = loaded().Function(name, list(given), [told])
+
+    def call(*numbers: Any) -> Floats:
+        if any(np.iscomplexobj(each) for each in numbers):
             raise TypeError("CasADi knows no complex numbers")
-        return np.asarray(function(*given), dtype=float)
+        return np.asarray(function(*numbers), dtype=float)
 
     return call
 

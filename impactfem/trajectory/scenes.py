@@ -89,6 +89,8 @@ def trajectory(scene: Scene | str | Path) -> Planned:
                 f"control.{control.name}: a trajectory moves it from 0 to its end; leave from and "
                 "until out, and hold it by a path formula"
             )
+    if not scene.controls:
+        raise SceneError("control: nothing may vary; give a [[control]] with name and acts")
     asked = _Asked(scene, wanted, symbolic(scene))
     problem = asked.problem()
     found = solved(
@@ -160,7 +162,10 @@ class _Asked:
         running, final = self._cost()
         gaps, self.unseen = closings(self.scene, known)
         self.struck = [each for each in gaps if self.through and each.restitution]
-        paths += [(f"{e.name} stays open", -e.gap) for e in gaps if e not in self.struck]
+        paths += [
+            (f"{each.name} stays open", -each.gap)
+            for each in gaps if each not in self.struck and not each.limits
+        ]  # fmt: skip
         paths += self._paths()
         limited = casadi.Function("path", [t, x, u], [casadi.vertcat(*(e for _, e in paths))])
         controls = {control.name: control.limits for control in self.scene.controls}

@@ -64,12 +64,16 @@ class Tree:
         parts: Bodies.
         rotors: Inertia that coordinates have besides (d,); none: 0 each.
         pushes: Generalised forces, added up (d,).
+        elastic: Energies of springs.
+        falls: Potential energies of gravity.
     """
 
     freedoms: list[Freedom]
     parts: dict[str, Part]
     rotors: Sequence[float] = ()
     pushes: list[Any] = field(default_factory=list)
+    elastic: list[Any] = field(default_factory=list)
+    falls: list[Any] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         casadi = loaded()
@@ -125,6 +129,20 @@ class Tree:
     def push(self, place: Any, force: Any) -> None:
         """A force on a place (3,), or on any function of q."""
         self.pushes.append(loaded().jacobian(place, self.q).T @ force)
+
+    def weigh(self, part: str, pull: Floats) -> None:
+        """Gravity on a body, its weight (3,)."""
+        casadi = loaded()
+        centre = self.centre(part)
+        self.push(centre, casadi.DM(pull))
+        begun = casadi.DM(_in_space(self.parts[part].centre))
+        self.falls.append(-casadi.dot(casadi.DM(pull), centre - begun))
+
+    def pull(self, way: Any, stiffness: float, damping: float) -> None:
+        """A spring and a damper along a function of q, or several."""
+        casadi = loaded()
+        self.push(way, -stiffness * way - damping * self.rate(way))
+        self.elastic.append(0.5 * stiffness * casadi.sumsqr(way))
 
     def twist(self, part: str, moment: Any) -> None:
         """A moment on a body (3,)."""
