@@ -75,6 +75,11 @@ class Quantities:
         """Where the numbers of each measure end; those of terms follow."""
         return np.cumsum([len(each.times) for each in self.data]).tolist()
 
+    @property
+    def count(self) -> int:
+        """How many numbers there are."""
+        return self._first_term + len(self.all_terms)
+
     def read(self, outcome: Outcome, scene: Scene) -> Floats:
         """The numbers of a run, (n,): of all measures at their times, then of all terms.
 

@@ -7,22 +7,24 @@ the derivatives of what is computed are those along these sets.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.arrays import Booleans, Floats
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.inverse.bars import apart
+from impactfem.inverse.contact_spells import Pair, rebound_row
 from impactfem.inverse.outcomes import Outcome, at_times
 from impactfem.inverse.pulses import rise_rate
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.log import Progress
-from impactfem.result.table import Table
 from impactfem.scene import Scene, Solid
 
 if TYPE_CHECKING:
+    from impactfem.marching.solids import SolidMarch
     from impactfem.models.solids import SolidsModel
     from impactfem.planning import MarchNumbers, Plan
     from impactfem.runs.solids import Ready
@@ -32,6 +34,9 @@ STEPPED = ("massless", "conserving", "explicit")
 
 _STEPS = (1e-5, 1e-6, 1e-7)
 """Shares of an unknown between neighbours: the longest is taken within which sets stay."""
+
+_FEW = 20  # unknowns of which both sides are looked at where sets are those of one
+_MANY = 2  # numbers for each unknown, each a march backwards, that still take less than runs beside
 
 _SHAPING = (
     "model", "shape", "mesh", "position", "part", "mesh_size", "refine", "cells", "degree",
@@ -108,7 +113,7 @@ class SolidRuns:
         try:
             sets = list[Booleans]()
             ready.seen.march.run([*ready.seen.observers(), lambda _: sets.append(_sets(ready))])
-            return Marched(self.told(scene, ready, times), b"".join(map(_packed, sets)))
+            return Marched(self.told(scene, ready, times)[0], b"".join(map(_packed, sets)))
         finally:
             ready.destroy()
 
@@ -129,8 +134,8 @@ class SolidRuns:
         scene = strained(_plain(scene), self.chosen)
         return prepare(scene, self.chosen, Progress(), model=self.model.beside(scene))
 
-    def told(self, scene: Scene, ready: "Ready", times: Floats) -> Outcome:
-        """What is known of a march at some times."""
+    def told(self, scene: Scene, ready: "Ready", times: Floats) -> tuple[Outcome, dict[str, Pair]]:
+        """What is known of a march at some times, and what its pairs did."""
         from impactfem.runs.solid_rows import solids_motion  # noqa: PLC0415  (DOLFINx)
 
         seen = ready.seen
@@ -139,28 +144,77 @@ class SolidRuns:
             raise ConvergenceError("the motion is no longer finite; take smaller steps or loads")
         history, whole = motion.history, seen.whole
         levels = np.asarray(history["time"].values)
-        pairs = [_Pair.of(name, history, seen.march.tolerance) for name in seen.march.pairs]
+        pairs = {name: Pair.of(name, history, seen.march.tolerance) for name in seen.march.pairs}
 
-        def of(values: Callable[["_Pair"], Any]) -> dict[str, Any]:
-            return {pair.name: values(pair) for pair in pairs}
+        def of(values: Callable[[Pair], Any]) -> dict[str, Any]:
+            return {name: values(pair) for name, pair in pairs.items()}
 
-        return Outcome(
+        def rebound(name: str) -> float:
+            row = rebound_row(name, scene, pairs, seen.march.layers)
+            speeds = (history.get(f"{name}.v{axis}") for axis in "xyz")
+            speed = np.linalg.norm([each.values[row] for each in speeds if each is not None])
+            return float(speed) if row else float("nan")
+
+        outcome = Outcome(
             at_times(history, times),
             of(lambda pair: np.interp(times, levels, pair.impulse)),
             of(lambda pair: pair.duration),
-            {
-                name: _rebound(name, scene, history, pairs) for name in seen.model.names
-            },
+            {name: rebound(name) for name in seen.model.names},
             {name: whole.factor * mass for name, (mass, _) in seen.model.masses.items()},
             np.interp(times, levels, _driven(ready)),
             of(lambda pair: float(pair.force.max(initial=0.0))),
             of(lambda pair: pair.begin),
             of(lambda pair: rise_rate(levels, pair.begin, pair.force[1:])),
-        )  # fmt: skip
+        )
+        return outcome, pairs
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
-        """Numbers of a run and their derivatives, along the sets of its steps."""
-        return _Beside(self, changes, quantities).slopes()
+        """Numbers of a run and their derivatives, along the sets of its steps.
+
+        By the steps backwards where numbers are few; of unknowns that change stiffness or mass, and
+        where steps are not known backwards, by runs beside it.
+        """
+        beside = _Beside(self, changes, quantities)
+        if quantities.count > _MANY * len(changes.values):
+            return beside.slopes()
+        numbers, found, weak = self._backwards(changes, quantities)
+        if found is None or (weak and len(changes.values) <= _FEW):
+            return beside.slopes()
+        slopes, known = found
+        margin = 0.0 if weak else float("inf")  # sets that are those of one side
+        if not known.all():
+            rest = _Beside(self, changes.some(~known), quantities).slopes()
+            below, above = slopes.copy(), slopes.copy()
+            below[:, ~known], above[:, ~known] = rest.sides or (rest.jacobian, rest.jacobian)
+            slopes = 0.5 * (below + above)
+            if rest.sides is not None:
+                return Slopes(numbers, slopes, [], 0.0, (below, above))
+        return Slopes(numbers, slopes, [], margin)
+
+    def _backwards(
+        self, changes: Changes, quantities: Quantities
+    ) -> tuple[Floats, tuple[Floats, Booleans] | None, bool]:
+        """Numbers and their derivatives by a march backwards; None where it is not known.
+
+        And whether sets are those of one side.
+        """
+        from impactfem.inverse.solid_adjoints import Adjoints, Kept, reversible  # noqa: PLC0415
+        from impactfem.marching.reversed_march import Trail  # noqa: PLC0415  (DOLFINx)
+
+        scene = changes.scene
+        ready = self.ready(scene)
+        try:
+            if not reversible(ready):
+                return np.zeros(0), None, False
+            march = cast("SolidMarch", ready.seen.march)
+            kept = Kept(Trail.of(march), quantities.times)
+            ready.seen.march.run([*ready.seen.observers(), kept])
+            outcome, pairs = self.told(scene, ready, quantities.times)
+            numbers = quantities.read(outcome, scene)
+            adjoints = Adjoints(self, changes, quantities, ready, kept, pairs)
+            return numbers, adjoints.jacobian(), kept.trail.weak
+        finally:
+            ready.destroy()
 
 
 def _plain(scene: Scene) -> Scene:
@@ -188,8 +242,16 @@ class _Beside:
 
     def __init__(self, runs: SolidRuns, changes: Changes, quantities: Quantities) -> None:
         self._runs, self._changes, self._quantities = runs, changes, quantities
-        self.numbers, self._own = self._at(changes.values)
         self._refused = ""
+
+    @cached_property
+    def _base(self) -> tuple[Floats, bytes]:
+        return self._at(self._changes.values)
+
+    @property
+    def numbers(self) -> Floats:
+        """Of the run itself."""
+        return self._base[0]
 
     def _at(self, values: Floats) -> tuple[Floats, bytes]:
         scene = self._changes.at(values)
@@ -217,7 +279,7 @@ class _Beside:
             low, high = self._beside(k, -step), self._beside(k, step)
             if low is None or high is None:
                 break
-            if low[1] == high[1] == self._own:
+            if low[1] == high[1] == self._base[1]:
                 slope = (high[0] - low[0]) / (2.0 * step * self._changes.scales[k])
                 return slope, slope
         sides = [self._one_sided(k, sign) for sign in (-1.0, 1.0)]
@@ -254,95 +316,6 @@ class _Beside:
         except SceneError as error:
             self._refused = str(error)
             return None
-
-
-@dataclass(frozen=True)
-class _Pair:
-    """What a pair did in a march.
-
-    Attributes:
-        name: Of the pair.
-        force: Normal force in the layer before each level [N], (levels,).
-        impulse: Up to each level [N s], (levels,).
-        spells: Levels, first and last, between which it touches.
-        times: Of these spells, gaps continued to 0 beyond the levels [s], (spells, 2).
-    """
-
-    name: str
-    force: Floats
-    impulse: Floats
-    spells: list[tuple[int, int]]
-    times: Floats
-
-    @classmethod
-    def of(cls, name: str, history: Table, tolerance: float) -> "_Pair":
-        """Of a history.
-
-        Args:
-            name: Of the pair.
-            history: With its columns.
-            tolerance: Gap that is none [m].
-        """
-        levels = np.asarray(history["time"].values)
-        force, gap = (np.asarray(history[f"{c}.{name}"].values) for c in ("force", "gap"))
-        struck = history.get(f"impulse.{name}")
-        pushed = np.zeros(len(levels)) if struck is None else np.asarray(struck.values)
-        impulse = np.cumsum(pushed + np.concatenate([[0.0], force[1:] * np.diff(levels)]))
-        touches = np.concatenate([[False], gap <= tolerance, [False]]).astype(np.int8)
-        begins, ends = np.flatnonzero(np.diff(touches) > 0), np.flatnonzero(np.diff(touches) < 0)
-        spells = list(zip(begins.tolist(), (ends - 1).tolist(), strict=True))
-        times = [(_touch(levels, gap, b, -1), _touch(levels, gap, e, 1)) for b, e in spells]
-        return cls(name, force, impulse, spells, np.array(times).reshape(-1, 2))
-
-    @property
-    def begin(self) -> float:
-        """When it first touches [s]; NaN if it does not."""
-        return float(self.times[0, 0]) if len(self.times) else float("nan")
-
-    @property
-    def duration(self) -> float:
-        """How long it touches in all [s]."""
-        return float(np.diff(self.times, axis=1).sum())
-
-
-def _touch(levels: Floats, gap: Floats, level: int, way: int) -> float:
-    """When a gap that is shut at a level was so first or last [s].
-
-    The straight line through the two levels beyond, held within the layer.
-
-    Args:
-        levels: Times [s].
-        gap: Of the pair at these [m].
-        level: First or last one of a spell.
-        way: -1 for what was before it, 1 for what comes after it.
-    """
-    near, far = level + way, level + 2 * way
-    if not 0 <= near < len(levels) or np.isnan(gap[near]):
-        return float(levels[level])
-    if not 0 <= far < len(levels) or not gap[far] > gap[near]:
-        return float(levels[near])
-    beyond = (levels[far] - levels[near]) * gap[near] / (gap[far] - gap[near])
-    return float(np.clip(levels[near] - beyond, *sorted((levels[level], levels[near]))))
-
-
-def _rebound(name: str, scene: Scene, history: Table, pairs: list[_Pair]) -> float:
-    """Speed of a body's centre after its last contact, or at the end; NaN if there was none."""
-    own = [pair for pair in pairs if name in _partners(scene, pair.name)]
-    pressed: Integers = np.flatnonzero(sum((pair.force for pair in own), np.zeros(1)))
-    if not pressed.size:
-        return float("nan")
-    row = min(int(pressed[-1]) + 1, len(history["time"].values) - 1)
-    speeds = (history.get(f"{name}.v{axis}") for axis in "xyz")
-    return float(np.linalg.norm([each.values[row] for each in speeds if each is not None]))
-
-
-def _partners(scene: Scene, pair: str) -> tuple[str, ...]:
-    """Bodies of a pair by its name, BODY.OTHER or that of its contact law."""
-    for law in scene.contacts:
-        if law.name == pair:
-            return tuple(side.partition("/")[0] for side in law.between)
-    bodies = [body.name for body in scene.bodies]
-    return tuple(n for n in bodies if pair.startswith(f"{n}.") or pair.endswith(f".{n}"))
 
 
 def _driven(ready: "Ready") -> Floats:

@@ -10,7 +10,7 @@ from scipy.sparse import block_diag, csr_matrix
 from impactfem.arrays import Booleans, Floats
 from impactfem.contact.pair_responses import Roots
 from impactfem.errors import SceneError
-from impactfem.marching.layers import Interior, Rolling, Stepper, Sums
+from impactfem.marching.layers import Backward, Interior, Reversible, Rolling, Stepper, Sums
 
 
 class Bodies[P: Stepper]:
@@ -322,3 +322,33 @@ class Composite(Bodies[Interior]):
             if mine.any():
                 known = None if change is None else change[self.own(k)]
                 part.push(mine, known, parts[self._asked[k]])
+
+    @property
+    def reversible(self) -> bool:
+        """Whether all of them are; see `Reversible`."""
+        return all(getattr(part, "reversible", False) for part in self.parts)
+
+    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:
+        """Derivatives by what a layer begins with, of all bodies; see `Reversible`."""
+        each = [
+            part.backward(place[own], rate[own], contact[self.own(k)], first=first)
+            for k, (part, own) in enumerate(self._reversible())
+        ]
+        forces = np.concatenate([found.forces for found in each])
+        return Backward(
+            np.concatenate([found.place for found in each]),
+            np.concatenate([found.rate for found in each]),
+            np.concatenate([self._on(k, forces) for k in range(len(self.parts))]),
+            np.concatenate([found.loads for found in each]),
+        )
+
+    def settled(self, contact: Floats) -> Floats:
+        """Derivatives by displacements of those by contact nodes, of all bodies."""
+        each = enumerate(self._reversible())
+        return np.concatenate([part.settled(contact[self.own(k)]) for k, (part, _) in each])
+
+    def _reversible(self) -> list[tuple[Reversible, slice]]:
+        """The bodies, and which dofs are theirs."""
+        cuts = np.cumsum([0, *(len(part.velocity) for part in self.parts)])
+        parts = cast("Sequence[Reversible]", self.parts)
+        return [(part, slice(*cuts[k : k + 2])) for k, part in enumerate(parts)]

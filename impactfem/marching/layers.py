@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.pair_responses import Roots
@@ -33,6 +33,22 @@ class Sums:
     first_moment: Floats
     angular_momentum: Floats
     attitude: Floats | None = None
+
+
+class Backward(NamedTuple):
+    """Derivatives of a number by what a layer begins with, of owned dofs but for the forces.
+
+    Attributes:
+        place: By displacements at its start [1/m], (dofs,).
+        rate: By velocities there, of explicit layers by the last step, (dofs,).
+        forces: By contact forces that act in it [1/N], (count, dim), the same on all ranks.
+        loads: By other forces that act in it [1/N], (dofs,).
+    """
+
+    place: Floats
+    rate: Floats
+    forces: Floats
+    loads: Floats
 
 
 class SumsTable(Sequence[Sums]):
@@ -211,6 +227,29 @@ class Interior(Stepper, Protocol):
             change: What they do to the contact nodes [m], if it is known.
             parts: The same forces as a sum of those that `columns` was asked for, shape (asked,).
         """
+
+
+class Reversible(Protocol):
+    """An interior whose layers are known backwards, as gradients need them (collective).
+
+    `backward` is the transpose of a layer: of `begin`, `push` and `finish` without `static`.
+    """
+
+    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:
+        """Derivatives by what a layer begins with.
+
+        Args:
+            place: By displacements of owned dofs at its end, (dofs,).
+            rate: By velocities there, of explicit layers by its step, (dofs,).
+            contact: By `surface_displacement` there, (count, dim).
+            first: Whether it is the layer from t = 0.
+        """
+
+    def settled(self, contact: Floats) -> Floats:
+        """Derivatives by displacements (dofs,) of those by contact nodes in equilibrium."""
+
+    def sums_by(self) -> tuple[Floats, Floats]:
+        """Mass times displacement by displacements, momentum by rates, (dim, dofs) each."""
 
 
 class Rolling(Protocol):

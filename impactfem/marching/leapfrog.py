@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
 from impactfem.compiled import compiled
-from impactfem.marching.layers import Sums
+from impactfem.marching.layers import Backward, Sums
 from impactfem.marching.turning import Turning
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
@@ -288,6 +288,41 @@ class Leapfrog:
         found = self.displacement.copy()
         self._surface.spread(self._contact + static, found)
         return found
+
+    @property
+    def reversible(self) -> bool:
+        """Whether `backward` knows all that happens in a layer."""
+        return self._statics is not None and not self._drive.has_moved
+
+    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:
+        """Derivatives by what a layer begins with; see `Reversible`."""
+        moving = self._inverse > 0.0
+        moved = np.where(moving, place + self.settled(contact), 0.0)
+        stepped = np.where(moving, rate, 0.0) + moved
+        keep, gain, lag = self._keep, self._gain, self._lag
+        if first:
+            keep, gain, lag = 1.0, 0.5 * gain, 0.0
+        loads = gain * self._inverse * stepped
+        forces = self._statics.equilibrium(loads) if self._statics else np.zeros_like(contact)
+        strained = loads.copy()
+        self._surface.spread(forces, strained)  # contact nodes follow the others
+        self._now.setArray(strained)
+        self._matrix.mult(self._now, self._internal)
+        pulled = np.where(moving, self._internal.getArray(), 0.0)
+        return Backward(moved - pulled, keep * stepped - lag * pulled, forces, loads)
+
+    def settled(self, contact: Floats) -> Floats:
+        """Derivatives by displacements of those by contact nodes; see `Reversible`."""
+        found = np.zeros(len(self._inverse))
+        if self._statics is not None:
+            found[self._statics.near] = -self._statics.pushed(self._statics.response(contact))
+        return found
+
+    def sums_by(self) -> tuple[Floats, Floats]:
+        """Mass times displacement and momentum; see `Reversible`."""
+        moving = np.where(self._inverse > 0.0, self._mass, 0.0)
+        axes = np.tile(np.eye(self._system.dim), len(moving) // self._system.dim) * moving
+        return axes, axes / self.dt
 
     def state(self) -> dict[str, Any]:
         """What the next layer needs."""

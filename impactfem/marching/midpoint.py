@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
 from impactfem.fem import MPI, products_in_order
-from impactfem.marching.layers import Sums
+from impactfem.marching.layers import Backward, Sums
 from impactfem.marching.turning import Turning
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
@@ -322,6 +322,48 @@ class Midpoint:
     def straining(self, static: Floats) -> Floats:
         """Displacement whose elastic stress is that of the body, as a new array."""
         return self.placed(static) + self._system.relaxation.straining(self._relaxing)
+
+    @property
+    def reversible(self) -> bool:
+        """Whether `backward` knows all that happens in a layer."""
+        return not (self._system.relaxation or self._drive.has_moved)
+
+    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:  # noqa: ARG002  (as the interface has it)
+        """Derivatives by what a layer begins with; see `Reversible`."""
+        turned = np.where(self._still, 0.0, rate)
+        moved = place + (2.0 / self.dt) * turned + self.settled(contact)
+        moved[self._still] = 0.0
+        self._right.setArray(self._advance * moved)
+        self._middle.set(0.0)
+        self._solver.solve(self._right, self._middle)
+        loads = np.where(self._system.constrained, 0.0, self._middle.getArray())
+        through = self._times_mass(loads)
+        begun = (1.0 - self._advance) * moved + self._mu * through - (2.0 / self.dt) * turned
+        return Backward(
+            begun, (2.0 / self.dt) * through - turned, self._surface.gather(loads), loads
+        )
+
+    def settled(self, contact: Floats) -> Floats:
+        """Derivatives by displacements of those by contact nodes; see `Reversible`."""
+        found = np.zeros(len(self._still))
+        if self._statics is None:
+            self._surface.spread(contact, found)
+        else:
+            found[self._statics.near] = -self._statics.pushed(self._statics.response(contact))
+        return found
+
+    def sums_by(self) -> tuple[Floats, Floats]:
+        """Mass times displacement and momentum; see `Reversible`."""
+        axes = np.tile(np.eye(self._system.dim), len(self._still) // self._system.dim)
+        return axes * self._weights, np.array([self._times_mass(axis).copy() for axis in axes])
+
+    def energies_by(self, placed: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+        """Elastic energy by displacements of all nodes, kinetic by velocities, (dofs,) each."""
+        carried = self._system.carried(placed)
+        self._argument.setArray((placed.reshape(-1, self._system.dim) - carried).ravel())
+        self._system.stiffness.mult(self._argument, self._product)
+        pulled = np.where(self._system.constrained, 0.0, self._product.getArray())
+        return pulled, self._times_mass(velocity).copy()
 
     def state(self) -> dict[str, Any]:
         """What the next layer needs."""

@@ -71,6 +71,35 @@ class SolidMarch(TimeLoop[Interior]):
         return multiplier, static
 
     @property
+    def answers(self) -> Answers:
+        """How the gaps answer to contact forces."""
+        return self._responses
+
+    @property
+    def normals(self) -> Floats:
+        """Of the gaps at the last level, (gaps, dim)."""
+        return self._normals
+
+    @property
+    def skips(self) -> bool:
+        """Whether the law pairs each level with the one after the next."""
+        return self._skips
+
+    @property
+    def keeps_energy(self) -> bool:
+        """Whether theta is what keeps the energy; else it is at least 1/2."""
+        return self._scheme.rule == "conserving"
+
+    @property
+    def reversible(self) -> bool:
+        """Whether `impactfem.marching.reversed_march` knows all that happens in its layers."""
+        plain = self._scheme.massless and self._springs is None and self._bonds is None
+        plain = plain and not (self._by_mass or self._changes or self._radiating.any())
+        start = self._start_force.any() or self._rubs or self._gaps.shares_nodes
+        still = not getattr(self._gaps, "updated", True)
+        return bool(plain and still and not start and getattr(self.interior, "reversible", False))
+
+    @property
     def asked(self) -> Integers:
         """Contact nodes whose answers to forces are known, in the order of their finding."""
         return self._responses.known

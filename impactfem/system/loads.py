@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem import fem
-from impactfem.arrays import Floats
+from impactfem.arrays import Booleans, Floats
 from impactfem.errors import SceneError
 from impactfem.fem import MPI, PETSc, dolfinx_fem
 from impactfem.forms.elasticity import ElasticForms
@@ -19,6 +19,7 @@ from impactfem.system.nodes import Nodes
 from impactfem.system.supports import surface_facets
 
 _AXES = "xyz"
+_VALUES = 100_000  # of a formula that are looked at together
 
 
 class FormulaValues:
@@ -78,6 +79,27 @@ class FormulaValues:
         count = len(next(iter(self._points.values())))
         known = self._points | more
         values: Floats = np.broadcast_to(mean_of(self.formula, start, end, **known), count)
+        self._check(values, start)
+        return values
+
+    def means(self, start: Floats, end: Floats) -> Floats:
+        """The same of many steps at once, (steps, count); times (steps,) each [s]."""
+        count = len(next(iter(self._points.values())))
+        if not self.formula.used & set(self._points):
+            one = np.asarray(mean_of(self.formula, start, end))
+            return np.broadcast_to(one[:, None], (len(start), count))
+        own = max(1, _VALUES // max(1, count))
+        each = [slice(first, first + own) for first in range(0, len(start), own)]
+        return np.concatenate(
+            [mean_of(self.formula, start[k, None], end[k, None], **self._points) for k in each]
+        )
+
+    def _check(self, values: Floats, start: float) -> None:
+        """Refuse values that are not finite (collective).
+
+        Raises:
+            SceneError: One is; on all ranks.
+        """
         bad = np.flatnonzero(~np.isfinite(values))
         if self._comm.allreduce(bad.size, op=MPI.SUM):
             error = None
@@ -89,7 +111,6 @@ class FormulaValues:
                     f"{self._whole}"
                 )
             fem.raise_together(self._comm, error)
-        return values
 
 
 @dataclass(frozen=True)
@@ -120,6 +141,15 @@ class SurfaceLoad:
         self.matrix.mult(self.values, self.forces)
         forces: Floats = self.forces.array_r
         return forces
+
+    def means(self, start: Floats, end: Floats, chosen: Booleans) -> Floats:
+        """Mean forces of many steps on some of the owned dofs [N], (steps, chosen)."""
+        found = []
+        for values in self.formula.means(start, end):
+            self.values.array_w[:] = values
+            self.matrix.mult(self.values, self.forces)
+            found.append(self.forces.array_r[chosen])
+        return np.array(found)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
@@ -179,6 +209,14 @@ class Loads:
         return [load.formula for load in self._varying]
 
     @property
+    def reached(self) -> Booleans:
+        """Owned dofs on which tractions, pressures and residual stress act, (owned dofs,)."""
+        found: Booleans = self._steady != 0.0
+        for load in self._varying:
+            found |= np.diff(load.matrix.getValuesCSR()[0]) > 0
+        return found
+
+    @property
     def is_steady(self) -> bool:
         """Whether nothing but gravity can change in time."""
         return not self._varying
@@ -208,6 +246,22 @@ class Loads:
             self._update(start, end)
             out += self._changing
         return out
+
+    def means(self, start: Floats, end: Floats, chosen: Booleans) -> Floats:
+        """Mean forces of many steps without gravity on some of the owned dofs [N] (collective).
+
+        Args:
+            start: Of the steps [s], (steps,).
+            end: [s], (steps,).
+            chosen: Which dofs, (owned dofs,).
+
+        Returns:
+            Of shape (steps, chosen).
+        """
+        found = np.tile(self._steady[chosen], (len(start), 1))
+        for load in self._varying:
+            found += load.means(start, end, chosen)
+        return found
 
     def _update(self, start: float, end: float) -> None:
         """Evaluate the loads that change in time, unless this was their last time."""

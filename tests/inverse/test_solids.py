@@ -1,9 +1,12 @@
 """Gradients of solids by time steps: identities that any right one has, and what is refused."""
 
+import numpy as np
 import pytest
 
 import impactfem
 from impactfem import Scene, SceneError
+from impactfem.inverse.steps import Changes
+from impactfem.inverse.varied import Varied
 
 PLAIN = {"report": False, "pictures": False, "fields": []}
 SHAPE = {"kind": "disc", "radius": 0.05, "center": [0.0, 0.052]}
@@ -58,3 +61,71 @@ def test_shapes_are_not_varied():
     data["parameter"] = [{"name": "R", "key": "body.disc.shape.radius"}]
     with pytest.raises(SceneError, match="shape: gradients keep the meshes"):
         impactfem.gradient(Scene.from_dict(data))
+
+
+def driven(method, pieces=7):
+    """The disc under a control of tractions; its plane, its throw and the control vary."""
+    data = thrown("v", solve={"method": method}).to_dict()
+    data["body"][0]["tractions"] = [{"surface": "rim", "value": ["push", "2*push"]}]
+    data["parameter"].append({"name": "y", "key": "obstacle.floor.point.1"})
+    start = [100.0 * np.sin(k) for k in range(pieces)]
+    data["control"] = [{"name": "push", "pieces": pieces, "start": start}]
+    told = {"height": ("disc.y", 0.004), "force": ("force.disc.floor", 0.004),
+            "pushed": ("impulse.disc.floor", 0.007)}  # fmt: skip
+    data["measure"] += [{"name": n, "of": of, "at": at} for n, (of, at) in told.items()]
+    data["measure"].append({"name": "lasted", "of": "duration.disc.floor"})
+    terms = [{"term": "speed", "body": "disc"}, {"term": "effort", "of": "push"},
+             {"term": "peak_force", "pair": "disc.floor"}]  # fmt: skip
+    if method != "explicit":
+        terms += [{"term": "vibration_energy"}, {"term": "terminal_energy"}]
+    data["objective"] = {"minimise": terms}
+    if method == "explicit":
+        data["solve"].pop("dt")
+    return Scene.from_dict(data)
+
+
+def backwards(scene):
+    """Derivatives by the steps backwards alone, and the scene that varies."""
+    varied = Varied.of(scene)
+    at, names = varied.start, tuple(each.name for each in varied.unknowns)
+    changes = Changes(varied.at, at, np.abs(at) + 1e-2 * varied.scales, names)
+    _, found, weak = varied.runs._backwards(changes, varied.quantities)
+    assert found is not None
+    assert not weak
+    return found, varied
+
+
+@pytest.mark.parametrize("method", ["massless", "conserving", "explicit"])
+def test_steps_backwards_are_differences_of_runs(method):
+    # Of all numbers along one direction in which all unknowns change; sets stay within the step.
+    (slopes, known), varied = backwards(driven(method))
+    assert known.all()
+    way = np.random.default_rng(1).standard_normal(len(known)) * [1.0, 1e-3, *[100.0] * 7]
+    h = 1e-6
+    ends = [varied.numbers(varied.start + sign * h * way) for sign in (1.0, -1.0)]
+    wanted = (ends[0] - ends[1]) / (2.0 * h)
+    # Rounding of runs over h, and what theta leaves of the energy: 1e-14 of it.
+    np.testing.assert_allclose(slopes @ way, wanted, rtol=1e-6, atol=1e-7 * np.abs(wanted).max())
+
+
+def test_two_discs_backwards():
+    disc = {name: value for name, value in DISC.items() if name != "shape"} | {"mesh_size": 0.02}
+    place = {"a": [-0.053, 0.0], "b": [0.05, 0.03]}
+    bodies = [
+        disc | {"name": name, "shape": SHAPE | {"center": at}, "velocity": [float(name == "a"), 0]}
+        for name, at in place.items()
+    ]
+    (slopes, known), varied = backwards(Scene.from_dict({
+        "title": "two", "duration": 0.012, "body": bodies,
+        "parameter": [{"name": "vx", "key": "body.a.velocity.0"},
+                      {"name": "vy", "key": "body.a.velocity.1"}],
+        "measure": [{"name": "hit", "of": "rebound_speed.b"}, {"name": "x", "of": "b.x"},
+                    {"name": "y", "of": "b.y"}],
+        "objective": {"minimise": [{"term": "speed", "body": "a"}]},
+        "solve": {"method": "massless", "dt": 3e-4, "normals": "fixed"}, "output": PLAIN,
+    }))  # fmt: skip
+    assert known.all()
+    for k in range(2):
+        way = 1e-5 * np.eye(2)[k]
+        wanted = varied.numbers(varied.start + way) - varied.numbers(varied.start - way)
+        np.testing.assert_allclose(slopes[:, k], wanted / 2e-5, rtol=1e-6, atol=1e-8)
