@@ -20,6 +20,7 @@ from impactfem.scene.values import (
 
 TRANSCRIPTIONS = (
     "euler", "midpoint", "trapezoid", "hermite_simpson", "multiple_shooting", "single_shooting",
+    "contact_implicit", "hybrid",
 )  # fmt: skip
 FREE = "free"
 _COSTS = ("effort", "time")
@@ -120,6 +121,10 @@ class TrajectoryKeys:
         Choice(TRANSCRIPTIONS), "how the motion becomes finitely many equations",
         default="hermite_simpson",
     )  # fmt: skip
+    modes: Sequence[str] = key(
+        ListOf(Line()), 'order of contacts (hybrid): "flight", "stance" (all closed), or contacts '
+        'BODY.OBSTACLE, joined by "+"', default=(),
+    )  # fmt: skip
     nodes: int = key(Integer(1, 4000), "number of intervals of the first mesh", default=40)
     duration: Given[tuple[float, ...] | None, float | Sequence[float] | None] = key(
         NumberOrList(Real(above=0), 2), "how long it lasts, or bounds of that", unit="s",
@@ -154,6 +159,11 @@ class TrajectoryKeys:
         if pair is not None and len(pair) == 2 and not pair[0] <= pair[1]:
             text = f" = {show(list(pair))}: give the smaller number first."
             raise KeyedError(self.heading, "duration", text)
+        if (self.transcription == "hybrid") != bool(self.modes):
+            text = ' is missing: give the order of contacts, as modes = ["flight", "stance"].'
+            if self.modes:
+                text = f' = {show(list(self.modes))} belongs to transcription = "hybrid".'
+            raise KeyedError(self.heading, "modes", text)
         if not self.end:
             text = ' is missing: give what shall be reached, as end = { "cart.x" = 1.0 }.'
             raise KeyedError(self.heading, "end", text)

@@ -66,14 +66,16 @@ class Stretch:
         guess: Where the search begins.
         sizes: Of all unknowns.
         begun: Time at its start, an expression.
+        eps: Products that are 0 are at most so many times the sizes of their factors.
     """
 
     def __init__(
         self, program: Program, problem: Problem, row: Transcription, fractions: Floats,
-        guess: Guess, sizes: Sizes, *, constant: bool = False, begun: Any = 0.0,
+        guess: Guess, sizes: Sizes, *, constant: bool = False, begun: Any = 0.0, eps: float = 0.0,
     ) -> None:  # fmt: skip
         self.program, self.problem, self.row = program, problem, row
         self.fractions, self.guess, self.sizes = fractions, guess, sizes
+        self.eps, self.factors = eps, factor_sizes(problem, guess, sizes)
         self.control = ("constant" if constant else "linear") if row.control == "either" else ""
         self.control = self.control or row.control
         self.duration: Any = problem.duration[0]
@@ -123,6 +125,7 @@ class Stretch:
                 self._defect((middle.x - between) / self.sizes.states, k)
                 self._path(middle)
             self._path(left)
+            self._pairs(right)
             self.lefts.append(left)
             self.middles.append(middle)
             self.rights.append(right)
@@ -200,6 +203,22 @@ class Stretch:
             rows, -np.inf, 0.0, lambda i: f"{self.problem.path_name(i)} at t = {t:.4g} s"
         )
 
+    def _pairs(self, spot: Spot) -> None:
+        """Factors >= 0 at the end of an interval, whose products are next to 0."""
+        if self.problem.pairs is None:
+            return
+        one, two = self.problem.paired(spot.t, spot.x, spot.u, spot.p)
+        one, two = one / self.factors[0], two / self.factors[1]
+        t = self.fractions[len(self.lefts) + 1] * self.guess.duration
+        names = self.problem.pair_names
+
+        def name(i: int) -> str:
+            return f"{names[i] if i < len(names) else f'pairs[{i}]'} at t = {t:.4g} s"
+
+        self.program.row(one, 0.0, np.inf, name)
+        self.program.row(two, 0.0, np.inf, name)
+        self.program.row(one * two, -np.inf, self.eps, name)
+
     def motion(self, answer: Answer) -> Motion:
         """The numbers of an answer."""
         casadi = loaded()
@@ -268,7 +287,44 @@ def sizes_of(problem: Problem, guess: Guess) -> Sizes:
     states = np.where(np.isnan(states), np.where(rest > 0.0, rest, 1.0), states)
     for j in np.flatnonzero(np.isnan(controls)):
         controls[j] = _acting(states, by_controls[:, j], span)
+    if problem.pairs is not None:
+        _size_by_pairs(problem, guess, states, controls)
     return Sizes(states, np.nan_to_num(controls, nan=1.0), parameters, span)
+
+
+def _size_by_pairs(problem: Problem, guess: Guess, states: Floats, controls: Floats) -> None:
+    """Sizes of controls that act in factors alone: of what stands beside them there."""
+    by_states, by_controls = _factor_slopes(problem, guess)
+    for j in np.flatnonzero(np.isnan(controls)):
+        beside = by_states @ states + by_controls @ np.nan_to_num(controls, nan=0.0)
+        acts = (by_controls[:, j] > 0.0) & (beside > 0.0)
+        if acts.any():
+            controls[j] = float((beside[acts] / by_controls[acts, j]).max())
+
+
+def factor_sizes(problem: Problem, guess: Guess, sizes: Sizes) -> tuple[Floats, Floats]:
+    """Sizes of the factors of products that are 0, (k,) each, by those of what they are made of."""
+    if problem.pairs is None:
+        return np.ones(0), np.ones(0)
+    by_states, by_controls = _factor_slopes(problem, guess)
+    total = by_states @ sizes.states + by_controls @ sizes.controls
+    one, two = np.where(total > 0.0, total, 1.0).reshape(2, -1)
+    return one, two
+
+
+def _factor_slopes(problem: Problem, guess: Guess) -> tuple[Floats, Floats]:
+    """Sizes of slopes of all factors by states and controls, first ones and second (2 k, ...)."""
+    casadi = loaded()
+    t, x, u, p = problem.paired.mx_in()
+    both = casadi.vertcat(*problem.paired(t, x, u, p))
+    told = casadi.Function(
+        "slopes", [t, x, u, p], [casadi.jacobian(both, x), casadi.jacobian(both, u)]
+    )
+    half = np.array([0.5])
+    found = told(0.5 * guess.duration, guess.states(half)[0], guess.controls(half)[0],
+                 guess.parameters)  # fmt: skip
+    by_states, by_controls = (np.nan_to_num(np.abs(np.asarray(e, dtype=float))) for e in found)
+    return by_states, by_controls
 
 
 def cost_size(problem: Problem, guess: Guess, sizes: Sizes) -> float:

@@ -160,5 +160,5 @@ def _slack(values: Floats, multipliers: Floats, limits: Floats) -> float:
     free = low < high
     far = np.where(multipliers < 0.0, values - low, high - values)[free]
     pulls = np.abs(multipliers[free])
-    held = pulls > 1e-12  # far may be endless
-    return float((pulls[held] * np.abs(far[held])).max(initial=0.0))
+    far = np.where(np.isfinite(far), np.abs(far), 1.0)  # no limit there: the multiplier is wrong
+    return float((pulls * far).max(initial=0.0))

@@ -69,6 +69,8 @@ class Problem:
         start_rows: What else holds at t = 0.
         end_rows: What else holds at t = T.
         impacts: What the motion strikes; only shooting goes through.
+        pairs: Factors >= 0 of products that are 0, one after the other; None: there are none.
+        pair_names: For messages.
     """
 
     dynamics: Callable[..., Any]
@@ -85,6 +87,8 @@ class Problem:
     start_rows: tuple[Row, ...] = ()
     end_rows: tuple[Row, ...] = ()
     impacts: tuple[Impact, ...] = ()
+    pairs: Callable[..., Any] | None = None
+    pair_names: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -162,6 +166,17 @@ class Problem:
         symbols = self._symbols()
         told = [tried(each.name, each.gap, self._asked(symbols)) for each in self.impacts]
         return _function("gaps", symbols, [loaded().vertcat(loaded().MX(0, 1), *told)])
+
+    @cached_property
+    def paired(self) -> Any:
+        """(t, x, u, p) to the first and the second factors of products that are 0, (k,) each."""
+        symbols = self._symbols()
+        told: Any = loaded().MX(0, 1)
+        if self.pairs is not None:
+            told = tried("pairs", self.pairs, self._asked(symbols))
+        if told.numel() % 2:
+            raise SceneError(f"pairs: are {told.numel()} entries; give two of each product")
+        return _function("paired", symbols, [told[::2], told[1::2]])
 
     @cached_property
     def jumps(self) -> list[Any]:

@@ -10,6 +10,7 @@ from impactfem.trajectory.bodies import Symbolic
 from impactfem.trajectory.contacts import Closing, system_of
 from impactfem.trajectory.transcribing import Transcribed
 from impactfem.vibro.event_driven import EventSettings, follow
+from impactfem.vibro.event_record import Record
 
 _RTOL = 1e-11
 
@@ -25,10 +26,21 @@ def by_events(
         found: The motion, whose start and controls are taken.
         pieces: Of an interval.
     """
+    times, record = recorded(known, gaps, found, pieces)
+    if record is None:
+        return times, np.full((len(times), found.at_nodes.shape[1]), np.nan)
+    return times, np.concatenate([record.position, record.velocity], axis=1)
+
+
+def recorded(
+    known: Symbolic, gaps: Sequence[Closing], found: Transcribed, pieces: int
+) -> tuple[Floats, Record | None]:
+    """The same as times (k,) and what the run leaves; None: it cannot be told."""
     nodes, count = found.times, len(known.tree.freedoms)
     fine = np.linspace(nodes[:-1], nodes[1:], pieces, endpoint=False, axis=1)
     times = np.append(fine.ravel(), nodes[-1])
-    system = system_of(known, gaps, lambda t: found.control(t)[0])
+    m = known.controls.numel()
+    system = system_of(known, gaps, lambda t: found.control(t)[0, :m])
     settings = EventSettings(times=tuple(times.tolist()), rtol=_RTOL, atol=1e-2 * _RTOL)
     start = found.at_nodes[0]
     try:
@@ -36,5 +48,5 @@ def by_events(
             system, start[:count], start[count:], float(nodes[-1]), settings, None, nodes.tolist()
         )
     except (ConvergenceError, SceneError):
-        return times, np.full((len(times), len(start)), np.nan)
-    return times, np.concatenate([record.position, record.velocity], axis=1)
+        return times, None
+    return times, record

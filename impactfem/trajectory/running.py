@@ -17,6 +17,7 @@ from impactfem.errors import ConvergenceError, SceneError
 from impactfem.scene import Scene
 from impactfem.trajectory.scenes import Planned
 
+TOUCHING = "contact_implicit", "hybrid"  # that know forces of contact
 _PIECES = 5000  # of a control at most
 _STEPS = 20_000  # of a run at most
 _FIRST = 10  # steps in an interval of the first run
@@ -77,11 +78,9 @@ def run_again(planned: Planned, run: Callable[[Scene], Any]) -> Ran:
         planned: The motion.
         run: Solves a scene; its answer has ``history`` and ``summary``.
     """
+    if why := _why_none(planned):
+        return Ran(why=why)
     found = planned.found
-    if found.status != "converged":
-        return Ran(why="nothing was found")
-    if moved := _moved(planned):
-        return Ran(why=f"it starts with another {moved} than the scene")
     tables, count = _tables(planned)
     try:
         result = run(Scene.from_dict(_by(tables, "event_driven", None), base=planned.scene.folder))
@@ -90,7 +89,7 @@ def run_again(planned: Planned, run: Callable[[Scene], Any]) -> Ran:
     else:
         return _ran(planned, result, "event_driven", 0.0, 0.0)
     if found.problem.impacts:  # which steps take to first order only
-        return Ran(why=f"{found.follower} follows it from impact to impact in its coordinates")
+        return Ran(why=_follows(planned))
     steps, before, answer = count * max(1, round(_FIRST * found.nodes / count)), None, Ran()
     while steps <= _STEPS or before is None:
         dt = found.duration / steps
@@ -107,6 +106,21 @@ def run_again(planned: Planned, run: Callable[[Scene], Any]) -> Ran:
             break
         before, steps = states, 2 * steps
     return answer
+
+
+def _why_none(planned: Planned) -> str:
+    """Why there is no run; empty if there may be one."""
+    found = planned.found
+    if found.status != "converged":
+        return "nothing was found"
+    if found.transcription in TOUCHING and not planned.unseen:
+        return _follows(planned)
+    moved = _moved(planned)
+    return f"it starts with another {moved} than the scene" if moved else ""
+
+
+def _follows(planned: Planned) -> str:
+    return f"{planned.found.follower} follows it from contact to contact in its coordinates"
 
 
 def _moved(planned: Planned) -> str:

@@ -17,9 +17,11 @@ from impactfem.scene.trajectory import TrajectoryKeys
 from impactfem.scene.values import show
 from impactfem.trajectory.bodies import Symbolic, in_symbols, symbolic
 from impactfem.trajectory.contacts import Closing, closings
+from impactfem.trajectory.modes import hybrid
 from impactfem.trajectory.problem import Problem, Row
 from impactfem.trajectory.resimulated import by_events
 from impactfem.trajectory.symbols import loaded
+from impactfem.trajectory.touching import touching
 from impactfem.trajectory.transcribing import Transcribed, solved
 from impactfem.trajectory.transcriptions import transcription_of
 
@@ -92,25 +94,26 @@ def trajectory(scene: Scene | str | Path) -> Planned:
     if not scene.controls:
         raise SceneError("control: nothing may vary; give a [[control]] with name and acts")
     asked = _Asked(scene, wanted, symbolic(scene))
-    problem = asked.problem()
-    found = solved(
-        problem, wanted.transcription, wanted.nodes, wanted.refine or 0.0,
-        {control.name: control.values for control in scene.controls},
-        control=_course(scene), most=wanted.max_iterations,
-    )  # fmt: skip
-    known = asked.known
-    casadi, tree = loaded(), known.tree
-    if asked.struck:
-        fine = by_events(known, asked.struck, found, _FINE)
-        found = found.with_followed("event_driven", fine[1][::_FINE])
+    problem, known = asked.problem(), asked.known
+    starts = {control.name: control.values for control in scene.controls}
+    if wanted.transcription == "hybrid":
+        settings = wanted.nodes, wanted.refine or 0.0, wanted.max_iterations
+        found, fine = hybrid(known, asked.gaps, problem, wanted.modes, settings, starts)
     else:
-        fine = found.follow(_FINE)
+        found = solved(
+            problem, wanted.transcription, wanted.nodes, wanted.refine or 0.0, starts,
+            control=_course(scene), most=wanted.max_iterations,
+        )  # fmt: skip
+        fine = by_events(known, asked.struck, found, _FINE) if asked.struck else found.follow(_FINE)
+        if asked.struck:
+            found = found.with_followed("event_driven", fine[1][::_FINE])
+    casadi, tree = loaded(), known.tree
     columns = casadi.Function(
-        "columns", [tree.t, casadi.vertcat(tree.q, tree.v), known.controls],
+        "columns", [tree.t, casadi.vertcat(tree.q, tree.v), asked.controls],
         [casadi.vertcat(*known.columns.values())],
     )  # fmt: skip
     begun = [*(f.start for f in tree.freedoms), *known.start]
-    told = np.asarray(columns(0.0, begun, np.zeros(len(known.names))), dtype=float).ravel()
+    told = np.asarray(columns(0.0, begun, np.zeros(asked.controls.numel())), dtype=float).ravel()
     return Planned(
         scene, found, tuple(asked.rests), tuple(asked.unseen), columns, tuple(known.columns),
         dict(zip(known.columns, told.tolist(), strict=True)), _limits(scene, known), fine,
@@ -142,7 +145,10 @@ class _Asked:
         self.rests: list[str] = []
         self.unseen: list[str] = []
         self.struck: list[Closing] = []
-        self.through = transcription_of(wanted.transcription).through
+        self.gaps: list[Closing] = []
+        hybrid = wanted.transcription == "hybrid"
+        self.through = hybrid or transcription_of(wanted.transcription).through
+        self.controls = known.controls
 
     def problem(self) -> Problem:
         """The problem.
@@ -151,31 +157,51 @@ class _Asked:
             SceneError: A column is not known, or a limit cannot be.
         """
         casadi, known, tree = loaded(), self.known, self.known.tree
-        x, u, t = self.x, known.controls, tree.t
-        rate = casadi.Function("rate", [t, x, u], [casadi.vertcat(tree.v, known.rate)])
+        x, t = self.x, tree.t
         states, paths = self._bounds()
         begun = [*(f.start for f in tree.freedoms), *known.start]
         start, start_rows = self._ends("start", {
             name: (value, value) for name, value in zip(self.names, begun, strict=True)
         })  # fmt: skip
         end, end_rows = self._ends("end", {})
-        running, final = self._cost()
+        transcription = self.wanted.transcription
         gaps, self.unseen = closings(self.scene, known)
         self.struck = [each for each in gaps if self.through and each.restitution]
+        # Limits of joints that do not rebound are bounds of their coordinates.
+        self.gaps = [g for g in gaps if g.known and (not g.limits or g in self.struck)]
+        named = {control.name: control.limits for control in self.scene.controls}
+        controls: dict[str, tuple[float, float]] = dict(named)
+        told, factors = known.rate, tuple[tuple[Any, Any], ...]()
+        pair_names: tuple[str, ...] = ()
+        if transcription == "contact_implicit":
+            touch = touching(known, self.gaps)
+            self.struck, told, factors = self.gaps, touch.rate, touch.pairs
+            pair_names = touch.pair_names
+            self.controls = casadi.vertcat(known.controls, touch.symbols)
+            controls |= dict.fromkeys(touch.names, (-np.inf, np.inf))
+        elif transcription == "hybrid":
+            self.struck = self.gaps
         paths += [
             (f"{each.name} stays open", -each.gap)
             for each in gaps if each not in self.struck and not each.limits
         ]  # fmt: skip
+        u = self.controls
+        rate = casadi.Function("rate", [t, x, u], [casadi.vertcat(tree.v, told)])
+        flat = casadi.vertcat(casadi.SX(0, 1), *(each for pair in factors for each in pair))
+        pairs = casadi.Function("pairs", [t, x, u], [flat]) if factors else None
+        running, final = self._cost()
         paths += self._paths()
         limited = casadi.Function("path", [t, x, u], [casadi.vertcat(*(e for _, e in paths))])
-        controls = {control.name: control.limits for control in self.scene.controls}
+        shot = transcription not in {"contact_implicit", "hybrid"}
+        impacts = tuple(each.impact(known) for each in self.struck) if shot else ()
         span = self.wanted.duration or (self.scene.duration,)
         return Problem.of(
             rate, states, controls, (), (span[0], span[-1]), start, end,
             running=running, final=final, path=limited if paths else None,
             path_names=tuple(name for name, _ in paths),
             start_rows=tuple(start_rows), end_rows=tuple(end_rows),
-            impacts=tuple(each.impact(known) for each in self.struck),
+            impacts=impacts,
+            pairs=pairs, pair_names=pair_names,
         )  # fmt: skip
 
     def _column(self, key: str, name: str) -> Any:
@@ -300,7 +326,7 @@ class _Asked:
                 )
             effort = effort + weight * known.controls[names.index(of)] ** 2
         running = casadi.Function(
-            "running", [known.tree.t, self.x, known.controls], [casadi.SX(effort)]
+            "running", [known.tree.t, self.x, self.controls], [casadi.SX(effort)]
         )
         return running, (lambda t, *_: time * t) if time else None
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +23,10 @@ from impactfem.trajectory.transcriptions import TRANSCRIPTIONS, Transcription, t
 _JUDGED = 1e-3  # defect that is allowed where no mesh is refined
 _ROUNDS = 12  # of refinement
 _PIECES = 4  # an interval is cut into at most
+_RELAXED = tuple(10.0**-k for k in range(8))  # eps, one after the other
+_TIGHT = 1e-4  # of which nothing is seen beside steps of first order
 _NODES = 4000  # of a refined mesh
+_NOTHING = 1e-9  # of the size of the cost
 _NEAR_ONE = (1e-2, 1e3)  # costs in their size, with which the search may end
 _LONGER = 1e3  # times the longest duration: looked through for the shortest one that can be
 _REMEDY = "give another guess, more nodes, or bounds of states and controls"
@@ -53,6 +56,9 @@ class Transcribed:
         rounds: Number N of intervals of each mesh that was solved.
         seconds: That it took [s].
         follower: Who tells what really follows.
+        wrong: What else is against it.
+        more: Figures of its own.
+        eps: Of products that are 0, how large they are left, in sizes of their factors.
     """
 
     problem: Problem
@@ -69,6 +75,9 @@ class Transcribed:
     _followed: Followed
     _sizes: Floats
     follower: str = "dop853"
+    eps: float = 0.0
+    wrong: tuple[str, ...] = ()
+    more: Mapping[str, Any] = field(default_factory=dict)
 
     def with_followed(self, method: str, states: Floats) -> "Transcribed":
         """The same with what really follows by another method, at the nodes (N + 1, n)."""
@@ -211,7 +220,7 @@ class Transcribed:
         """Why it is not to be trusted; nothing if it is."""
         if self.status != "converged":
             return (self.message,)
-        found = []
+        found = list(self.wrong)
         if not np.isfinite(self._followed.states).all():
             found.append(
                 "what really follows cannot be followed to the end: its rate grows endless"
@@ -223,6 +232,11 @@ class Transcribed:
                 f"what really follows misses the end: {name} by {self.end_errors[name]:.3g}, "
                 f"{self.resimulated_end_error:.2g} of how far it moves, allowed {self.allowed:.2g};"
                 " give more nodes, or refine"
+            )
+        if self.eps > _TIGHT:
+            found.append(
+                f"complementarity is relaxed by eps = {self.eps:g}: nothing was found below; give "
+                "more nodes, or another start"
             )
         if self.refine and self.defect_max > self.refine:
             found.append(
@@ -253,8 +267,8 @@ class Transcribed:
             "followed_by": self.follower, "impacts": self.impacts,
             "resimulated_end_error": self.resimulated_end_error, "end_errors": self.end_errors,
             "allowed_end_error": self.allowed, "bounds_exceeded": self.bounds_exceeded,
-            "nodes": self.nodes, "rounds": list(self.rounds), "iterations": self.iterations,
-            "seconds": self.seconds,
+            "eps": self.eps, "nodes": self.nodes, "rounds": list(self.rounds),
+            "iterations": self.iterations, "seconds": self.seconds, **self.more,
         }  # fmt: skip
 
 
@@ -263,7 +277,7 @@ def transcribe(
     duration: float | tuple[float, float], start: Given | None = None, end: Given | None = None,
     running: Callable[..., Any] | None = None, final: Callable[..., Any] | None = None,
     path: Callable[..., Any] | None = None, parameters: Limited = (),
-    impacts: Sequence[Impact] = (),
+    impacts: Sequence[Impact] = (), pairs: Callable[..., Any] | None = None,
     transcription: str = "hermite_simpson", nodes: int = 40, refine: float = 0.0,
     control: str = "linear", guess: "Mapping[str, ArrayLike] | Transcribed | None" = None,
     max_iterations: int = 1000,
@@ -294,8 +308,10 @@ def transcribe(
         path: What stays <= 0 at all nodes (and amid intervals, with "hermite_simpson").
         parameters: Constants that are searched, as states.
         impacts: What the motion strikes (`impactfem.inverse.Impact`), through which shooting goes.
+        pairs: Factors >= 0 of products that are 0, (t, x, u[, p]), one after the other: those of
+            complementarity, with "contact_implicit".
         transcription: A row of the table: "euler", "midpoint", "trapezoid", "hermite_simpson",
-            "multiple_shooting", "single_shooting".
+            "multiple_shooting", "single_shooting", "contact_implicit".
         nodes: Number N of intervals of the first mesh.
         refine: Largest defect between nodes: intervals with more are cut. 0: the mesh is kept.
         control: Between nodes of shooting: "linear" or "constant".
@@ -309,7 +325,7 @@ def transcribe(
     """
     problem = Problem.of(
         dynamics, states, controls, parameters, duration, start or {}, end or {},
-        running=running, final=final, path=path, impacts=tuple(impacts),
+        running=running, final=final, path=path, impacts=tuple(impacts), pairs=pairs,
     )  # fmt: skip
     return solved(
         problem, transcription, nodes, refine, guess, control=control, most=max_iterations
@@ -334,6 +350,11 @@ def solved(
         raise SceneError(f"nodes: {nodes} is no number of intervals; give 1 to {_NODES}")
     if not 0.0 <= refine < 1.0:
         raise SceneError(f"refine: {refine} is no defect; give 0 (no refinement) to 1, as 1e-6")
+    if (transcription == "contact_implicit") != (problem.pairs is not None):
+        raise SceneError(
+            f'transcription: "{transcription}" and pairs do not go together; give both '
+            '"contact_implicit" and pairs, or none'
+        )
     search = _Search(problem, row, control == "constant", most)
     begun = time.perf_counter()
     given = {} if isinstance(guess, Transcribed) else guess or {}
@@ -355,7 +376,7 @@ def solved(
     return Transcribed(
         problem, transcription, found.answer.status, message, found.answer.cost, found.answer.kkt,
         search.iterations, refine, tuple(search.rounds), time.perf_counter() - begun,
-        found.motion, found.followed, found.sizes,
+        found.motion, found.followed, found.sizes, eps=search.eps,
     )  # fmt: skip
 
 
@@ -375,6 +396,8 @@ class _Search:
     def __init__(self, problem: Problem, row: Transcription, constant: bool, most: int) -> None:
         self.problem, self.row, self.constant, self.most = problem, row, constant, most
         self.iterations, self.rounds = 0, list[int]()
+        self.relaxed = _RELAXED if problem.pairs is not None else (0.0,)
+        self.eps = self.relaxed[0]
 
     def refined(self, mesh: Floats, guess: Guess, refine: float) -> _Found:
         """On meshes that are cut where defects are large."""
@@ -383,15 +406,9 @@ class _Search:
             defects = _largest(found.followed.defects / found.sizes)
             if found.answer.status != "converged" or defects.max() <= refine:
                 break
-            # An interval's defect falls with its length to the order and one.
-            pieces = np.ceil((2.0 * defects / refine) ** (1.0 / (self.row.order + 1)))
-            pieces = np.where(defects > refine, np.clip(pieces, 2, _PIECES), 1).astype(int)
-            if pieces.sum() > _NODES:
+            mesh = cut(mesh, defects, refine, self.row.order)
+            if len(mesh) > _NODES:
                 break
-            mesh = np.concatenate([
-                *(np.linspace(a, b, count, endpoint=False)
-                  for a, b, count in zip(mesh[:-1], mesh[1:], pieces, strict=True)), [1.0],
-            ])  # fmt: skip
             finer = self.solved(mesh, Guess.of(found.motion, guess.counts))
             if finer.answer.status != "converged":
                 break
@@ -403,21 +420,28 @@ class _Search:
         sizes = sizes_of(self.problem, guess)
         size = cost_size(self.problem, guess, sizes)
         for _ in range(3):
-            answer, motion = self._solved(mesh, guess, sizes, size)
+            answer, motion = self._solved(mesh, guess, sizes, size, self.relaxed[0])
             share = abs(answer.cost) / size
-            if answer.status != "converged" or not share or _NEAR_ONE[0] < share < _NEAR_ONE[1]:
+            if answer.status != "converged" or _NEAR_ONE[0] < share < _NEAR_ONE[1]:
+                break
+            if share < _NOTHING:  # it costs nothing
                 break
             size, guess = abs(answer.cost), Guess.of(motion, guess.counts)
+        for eps in self.relaxed[1:]:
+            tighter, moved = self._solved(mesh, Guess.of(motion), sizes, size, eps)
+            if tighter.status == "infeasible" and answer.status == "converged":
+                break  # what is known holds at the eps before
+            answer, motion, self.eps = tighter, moved, eps
         self.rounds.append(len(mesh) - 1)
         spans = np.maximum(motion.spans(), 1e-3 * sizes.states)
         return _Found(answer, motion, followed(self.problem, motion, spans), spans)
 
     def _solved(
-        self, mesh: Floats, guess: Guess, sizes: Sizes, size: float
+        self, mesh: Floats, guess: Guess, sizes: Sizes, size: float, eps: float = 0.0
     ) -> tuple[Answer, Motion]:
         program = Program()
         stretch = Stretch(
-            program, self.problem, self.row, mesh, guess, sizes, constant=self.constant
+            program, self.problem, self.row, mesh, guess, sizes, constant=self.constant, eps=eps
         )
         answer = program.solve(size, self.most)
         self.iterations += answer.iterations
@@ -441,6 +465,17 @@ class _Search:
         if found.status == "converged" and found.cost > high:
             return f"{told}; the shortest duration that was found is {found.cost:.4g} s: give that"
         return f"{told}; widen bounds, or ask for less at the ends"
+
+
+def cut(mesh: Floats, defects: Floats, refine: float, order: int) -> Floats:
+    """A mesh whose intervals with large defects are cut."""
+    # An interval's defect falls with its length to the order and one.
+    pieces = np.ceil((2.0 * defects / refine) ** (1.0 / (order + 1)))
+    pieces = np.where(defects > refine, np.clip(pieces, 2, _PIECES), 1).astype(int)
+    return np.concatenate([
+        *(np.linspace(a, b, count, endpoint=False)
+          for a, b, count in zip(mesh[:-1], mesh[1:], pieces, strict=True)), [1.0],
+    ])  # fmt: skip
 
 
 def _kept(problem: Problem, guess: Guess) -> str:

@@ -83,6 +83,10 @@ def _euler(over: Interval) -> tuple[Any, Any, Any]:
     return over.left.x + over.h * over.left.rate, None, over.h * over.left.cost
 
 
+def _implicit_euler(over: Interval) -> tuple[Any, Any, Any]:
+    return over.left.x + over.h * over.right.rate, None, over.h * over.right.cost
+
+
 def _midpoint(over: Interval) -> tuple[Any, Any, Any]:
     place = (over.left.x + over.right.x) / 2
     middle = over.middle.at(over.middle.t, place, over.middle.u)
@@ -178,6 +182,9 @@ TRANSCRIPTIONS: Mapping[str, Transcription] = {
     "single_shooting": Transcription(
         _shooting, 4, "either", "Runge-Kutta from the start, controls alone unknown", shoots=True,
         through=True,
+    ),
+    "contact_implicit": Transcription(
+        _implicit_euler, 1, "constant", "implicit Euler, products that are 0 relaxed",
     ),
 }  # fmt: skip
 """Transcriptions by name."""

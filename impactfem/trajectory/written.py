@@ -30,11 +30,18 @@ def trajectory_table(planned: Planned, ran: Ran) -> str:
         ("defect", f"{found.defect_max:.2g} of how far a state moves, from node to node"),
         ("what follows", f"{found.resimulated_distance:.2g} away at most, {missed}"),
         ("a run of it", _run_in_words(ran)),
+        *([("contacts", _phases(found.more))] if "modes" in found.more else []),
         ("optimality", f"{found.kkt_residual:.2g}"),
         ("cost of it", f"{found.iterations} iterations, {found.seconds:.3g} s"),
     ]  # fmt: skip
     doubts = *found.doubts, *ran.doubts(found.allowed)
     return table([*rows, *(("doubt", each) for each in doubts), *_notes(planned, ran)])
+
+
+def _phases(more: Mapping[str, Any]) -> str:
+    """Contacts in their order, with how long they last."""
+    both = zip(more["modes"], more["lasts"], strict=True)
+    return " > ".join(f"{name} {time:.4g} s" if time else name for name, time in both)
 
 
 def _run_in_words(ran: Ran) -> str:

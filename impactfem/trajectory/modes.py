@@ -1,0 +1,585 @@
+"""Motions through contacts that close and open in a known order: phases, and impacts between.
+
+In a phase some gaps are closed: g'' = 0 along their normals n, and where they rub no slip either,
+which tells the forces; these press, within the cone of friction, and all other gaps are open. How
+long phases last is free. Where a gap closes, rates jump as impacts let them; one that rebounds is
+an instant between two phases.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.arrays import Floats
+from impactfem.errors import SceneError
+from impactfem.scene.values import show
+from impactfem.trajectory.bodies import Symbolic
+from impactfem.trajectory.building import Guess, Sizes, Stretch, cost_size, sizes_of
+from impactfem.trajectory.contacts import Closing
+from impactfem.trajectory.following import Followed, followed
+from impactfem.trajectory.motion import Motion
+from impactfem.trajectory.nlp import Answer, Program
+from impactfem.trajectory.problem import Problem
+from impactfem.trajectory.resimulated import recorded
+from impactfem.trajectory.symbols import loaded
+from impactfem.trajectory.transcribing import Transcribed, begin, cut
+from impactfem.trajectory.transcriptions import transcription_of
+
+FLIGHT, STANCE = "flight", "stance"
+_ROW = "hermite_simpson"  # in each phase
+_SHORTEST = 1e-3  # share of the longest duration that a phase lasts at least
+_CLOSED = 1e-9  # of the size of states: a gap that is more open at the start is
+_TOUCHES = 1e-6  # of the size of a gap, below which it counts as closed
+_PRESSES = 1e-6  # share of the largest push of a lasting contact that counts
+_ROUNDS = 8
+
+
+@dataclass(frozen=True)
+class Mode:
+    """An entry of `modes`.
+
+    Attributes:
+        name: As it is said.
+        closed: Places of the gaps that are closed.
+        instant: Whether these rebound at once.
+    """
+
+    name: str
+    closed: frozenset[int]
+    instant: bool = False
+
+
+def modes_of(names: Sequence[str], gaps: Sequence[Closing]) -> list[Mode]:
+    """What `modes` says of the gaps of a scene.
+
+    Raises:
+        SceneError: A contact is not known, or the order cannot be.
+    """
+    own: dict[str, set[int]] = {}
+    for k, gap in enumerate(gaps):
+        pair = label(gap)
+        count = sum(label(other) == pair for other in gaps)
+        earlier = sum(label(other) == pair for other in gaps[:k])
+        own.setdefault(pair, set()).add(k)
+        if count > 1:
+            own[f"{pair}#{earlier + 1}"] = {k}
+    known = ", ".join(own) or "there are none"
+    found: list[Mode] = []
+    for index, name in enumerate(names):
+        text = f"trajectory.modes[{index}] = {show(name)}: "
+        closed = _closed_by(name, own, {label(gap) for gap in gaps if not gap.limits}, text)
+        before = found[-1] if found else None
+        bounce = {k for k in closed if gaps[k].restitution and before is not None
+                  and k not in before.closed}  # fmt: skip
+        if bounce and bounce != closed:
+            raise SceneError(
+                f"{text}part of it rebounds (restitution > 0) and part does not: give these as "
+                "entries of their own"
+            )
+        mode = Mode(name, frozenset(closed), bool(bounce))
+        if before is not None and (before.closed == mode.closed or (before.instant and bounce)):
+            raise SceneError(f'{text}does not follow {show(before.name)}; give "flight" between')
+        found.append(mode)
+    if not found or found[-1].instant or found[0].instant:
+        raise SceneError(
+            f"trajectory.modes = {show(list(names))}: give the order of contacts, as "
+            f'["flight", "stance"]; one that rebounds is followed by "flight". Contacts: {known}'
+        )
+    return found
+
+
+def label(gap: Closing) -> str:
+    """Of the contact of a gap: BODY.OBSTACLE, or JOINT.lower and JOINT.upper."""
+    return f"{gap.pair}.{gap.name.split()[1]}" if gap.limits else gap.pair
+
+
+def _closed_by(name: str, own: Mapping[str, set[int]], pairs: set[str], text: str) -> set[int]:
+    """Gaps that an entry closes, by contacts and their gaps, and those that are no limits."""
+    known = ", ".join(own) or "there are none"
+    if name == FLIGHT:
+        return set()
+    if name == STANCE and len(pairs) != 1:
+        why = "several contacts may close; name those that do" if pairs else "nothing may close"
+        raise SceneError(f"{text}{why}: {known}")
+    parts = list(pairs) if name == STANCE else [part.strip() for part in name.split("+")]
+    for part in parts:
+        if part not in own:
+            raise SceneError(
+                f'{text}there is no contact {show(part)}; give "flight", "stance", or contacts '
+                f'joined by "+": {known}'
+            )
+    return set().union(*(own[part] for part in parts))
+
+
+class Forces:
+    """What closed gaps do to bodies in symbols.
+
+    Args:
+        known: The bodies.
+        gaps: All gaps.
+        closed: Places of the closed ones.
+    """
+
+    def __init__(self, known: Symbolic, gaps: Sequence[Closing], closed: frozenset[int]) -> None:
+        casadi, tree = loaded(), known.tree
+        self.known, self.places = known, sorted(closed)
+        rows, self.normal, self.cones = (
+            list[Any](),
+            list[int](),
+            list[tuple[int, list[int], float]](),
+        )
+        rubbed: dict[str, tuple[int, list[int]]] = {}
+        for k in self.places:
+            gap = gaps[k]
+            self.normal.append(len(rows))
+            rows.append(casadi.jacobian(gap.gap, tree.q))
+            if gap.friction:
+                if gap.name not in rubbed:  # one tangent of a face: more say the same
+                    rows.append(casadi.jacobian(gap.slip, tree.v))
+                    rubbed[gap.name] = len(rows) - 1, []
+                    self.cones.append((*rubbed[gap.name], gap.friction))
+                rubbed[gap.name][1].append(self.normal[-1])
+        self.turned = [gaps[k].restitution for k in self.places]
+        self.rows = casadi.vertcat(casadi.SX(0, tree.v.numel()), *rows)
+        self.moves = casadi.vertcat(*(
+            casadi.jacobian(casadi.SX(gaps[k].moved), tree.t) for k in self.places
+        )) if self.places else casadi.SX(0, 1)  # fmt: skip
+
+    def lasting(self) -> tuple[Any, Any]:
+        """V' and forces along rows, while they stay closed."""
+        casadi, tree = loaded(), self.known.tree
+        free = self.known.rate
+        if not self.places:
+            return free, casadi.SX(0, 1)
+        speeds = self.rows @ tree.v
+        drift = casadi.jtimes(speeds, tree.q, tree.v) + casadi.jacobian(speeds, tree.t)
+        back = tree.solved(self.rows.T)
+        push = _small(self.rows @ back, -(self.rows @ free + drift))
+        return free + back @ push, push
+
+    def impact(self, rebounds: bool) -> tuple[Any, Any]:
+        """V after they close, and impulses along rows."""
+        casadi, tree = loaded(), self.known.tree
+        if not self.places:
+            return tree.v, casadi.SX(0, 1)
+        speeds = self.rows @ tree.v
+        wanted = -speeds
+        if rebounds:
+            for row, e in zip(self.normal, self.turned, strict=True):
+                wanted[row] = -(1.0 + e) * speeds[row]
+        back = tree.solved(self.rows.T)
+        push = _small(self.rows @ back, wanted)
+        return tree.v + back @ push, push
+
+    def pressed(self, push: Any, size: Floats) -> list[tuple[str, Any]]:
+        """What stays <= 0, in sizes: forces or impulses press, within the cone of friction."""
+        casadi = loaded()
+        found = [("presses", -push[row] / size[row]) for row in self.normal]
+        for row, normals, friction in self.cones:
+            most = friction * sum(push[k] for k in normals)
+            own = size[normals[0]]
+            found += [("sticks", (push[row] - most) / own), ("sticks", (-push[row] - most) / own)]
+        return [(text, casadi.SX(each)) for text, each in found]
+
+    def sizes(self, q: Floats, speeds: Floats, span: float) -> Floats:
+        """Of forces along rows (r,), as speeds of such size come about in a time [s]."""
+        casadi, tree = loaded(), self.known.tree
+        if not self.places:
+            return np.zeros(0)
+        told = casadi.Function(
+            "sizes",
+            [tree.t, tree.q],
+            [self.rows, casadi.diag(self.rows @ tree.solved(self.rows.T))],
+        )
+        rows, gives = (np.abs(np.asarray(each, dtype=float)) for each in told(0.0, q))
+        found = rows @ speeds / (span * gives.ravel())
+        return np.where(found > 0.0, found, 1.0)
+
+
+def _small(matrix: Any, right: Any) -> Any:
+    """Of few rows, by QR in symbols."""
+    return loaded().solve(matrix, right)
+
+
+@dataclass(frozen=True)
+class _Phase:
+    mode: Mode
+    problem: Problem
+    jump: Any  # of (t, x, u) before it to x after, and what stays <= 0; None for the first
+    closing: tuple[Any, ...]  # gaps of (t, x) that are 0 where it begins
+    names: tuple[str, ...]  # of what stays <= 0
+
+
+def hybrid(
+    known: Symbolic, gaps: Sequence[Closing], problem: Problem, modes: Sequence[str],
+    settings: tuple[int, float, int], guess: Mapping[str, Any],
+) -> tuple[Transcribed, tuple[Floats, Floats]]:  # fmt: skip
+    """The motion of least cost through contacts in a known order, and what really follows.
+
+    Args:
+        known: The bodies.
+        gaps: What they may touch.
+        problem: What is asked of the whole motion; its rate is that of flight, its path knows no
+            gaps.
+        modes: The order of contacts.
+        settings: Intervals of each phase, largest defect (0: the mesh is kept), most iterations.
+        guess: Values of controls to begin with.
+
+    Raises:
+        SceneError: A mode is not known, or the start is none of the first one.
+    """
+    begun = time.perf_counter()
+    search = _Search(known, gaps, problem, modes_of(modes, gaps), settings, begin(problem, guess))
+    found = search.refined()
+    answer = found.answer
+    message = answer.said
+    if answer.status == "infeasible":
+        message = (
+            f"no motion was found with contacts in the order {show(list(modes))}; farthest off is "
+            f"{answer.worst}: give another order, a longer duration, or wider bounds"
+        )
+    elif answer.status != "converged":
+        message = (
+            f"the search did not converge (Ipopt: {message}) in {answer.iterations} iterations; "
+            "give other starts of controls, more nodes, or bounds"
+        )
+    motion, followed_, sizes = search.joined(found)
+    told = Transcribed(
+        problem, "hybrid", answer.status, message, answer.cost, answer.kkt, search.iterations,
+        settings[1], tuple(search.rounds), time.perf_counter() - begun, motion, followed_, sizes,
+    )  # fmt: skip
+    return _resimulated(search, found, told)
+
+
+@dataclass(frozen=True)
+class _Found:
+    answer: Answer
+    motions: list[Motion]
+    followed: list[Followed]
+
+
+class _Search:
+    def __init__(
+        self, known: Symbolic, gaps: Sequence[Closing], problem: Problem, modes: list[Mode],
+        settings: tuple[int, float, int], guess: Guess,
+    ) -> None:  # fmt: skip
+        self.guess, self.sizes = guess, sizes_of(problem, guess)
+        self.known, self.gaps, self.problem, self.modes = known, gaps, problem, modes
+        self.nodes, self.refine, self.most = settings
+        self.row = transcription_of(_ROW)
+        self.iterations, self.rounds = 0, list[int]()
+        casadi, tree = loaded(), known.tree
+        self.given = [tree.t, casadi.vertcat(tree.q, tree.v), known.controls]
+        self._check_start()
+        self.phases = self._phases()
+
+    def _check_start(self) -> None:
+        """Refuse a start whose gaps are not those of the first mode."""
+        casadi, tree = loaded(), self.known.tree
+        start = {k: v for k, v in self.problem.start.items() if np.ptp(np.atleast_1d(v)) == 0.0}
+        names = list(self.problem.states)[: len(tree.freedoms)]
+        if not set(names) <= set(start):
+            return
+        q = np.array([float(np.mean(start[name])) for name in names])
+        size = max(float(np.abs(q).max(initial=0.0)), 1e-300)
+        for k in sorted(self.modes[0].closed):
+            gap = float(casadi.Function("gap", [tree.t, tree.q], [self.gaps[k].gap])(0, q))
+            if abs(gap) > _CLOSED * size:
+                raise SceneError(
+                    f"trajectory.modes[0] = {show(self.modes[0].name)}: the gap of "
+                    f'{self.gaps[k].name} is {gap:.4g} m at the start; give "flight" first, or a '
+                    "start where it is closed"
+                )
+
+    def _phases(self) -> list[_Phase]:
+        casadi, tree, whole = loaded(), self.known.tree, self.problem
+        t, x, u = self.given
+        found: list[_Phase] = []
+        at: Mode | None = None
+        instant: Mode | None = None
+        lasting = [mode for mode in self.modes if not mode.instant]
+        low, high = whole.duration
+        count, span = len(tree.freedoms), self.sizes.duration
+        scale = self.guess.states(np.zeros(1))[0][:count], self.sizes.states[count:], span
+        lengths = [self.size(gap) for gap in self.gaps]
+        for mode in self.modes:
+            if mode.instant:
+                instant = mode
+                continue
+            forces = Forces(self.known, self.gaps, mode.closed)
+            rate, push = forces.lasting()
+            paths = [
+                (f"{self.gaps[k].name} stays open in {mode.name}", -self.gaps[k].gap / lengths[k])
+                for k in range(len(self.gaps)) if k not in mode.closed
+            ] + [
+                (f"{mode.name} {text}", each)
+                for text, each in forces.pressed(push, forces.sizes(*scale))
+            ]  # fmt: skip
+            own = casadi.Function(
+                "path", self.given,
+                [casadi.vertcat(whole.limited(t, x, u, casadi.SX(0, 1))
+                                if whole.path is not None else casadi.SX(0, 1),
+                                *(each for _, each in paths))],
+            ) if paths or whole.path is not None else None  # fmt: skip
+            first, last = mode is lasting[0], mode is lasting[-1]
+            problem = replace(
+                whole, dynamics=casadi.Function("rate", self.given, [casadi.vertcat(tree.v, rate)]),
+                duration=(_SHORTEST * high, high) if len(lasting) > 1 else (low, high),
+                start=whole.start if first else {}, end=self._end(forces) if last else {},
+                start_rows=whole.start_rows if first else (),
+                end_rows=whole.end_rows if last else (),
+                final=whole.final if last else None, path=own,
+                path_names=(*whole.path_names, *(text for text, _ in paths)),
+            )  # fmt: skip
+            jump, closing, names = None, list[Any](), tuple[str, ...]()
+            if at is not None:
+                closed = mode.closed if instant is None else mode.closed | instant.closed
+                new = closed - at.closed
+                struck = Forces(self.known, self.gaps, closed if new else frozenset())
+                v, impulse = struck.impact(instant is not None)
+                pressed = struck.pressed(impulse, span * struck.sizes(*scale))
+                jump = casadi.Function(
+                    "jump", self.given,
+                    [casadi.vertcat(tree.q, v),
+                     casadi.vertcat(casadi.SX(0, 1), *(each for _, each in pressed))],
+                )  # fmt: skip
+                names = tuple(f"the impact of {_told(self.gaps, new)} {w}" for w, _ in pressed)
+                closing = [
+                    casadi.Function("gap", self.given, [self.gaps[k].gap / lengths[k]]) for k in new
+                ]
+            found.append(_Phase(mode, problem, jump, tuple(closing), names))
+            at, instant = mode, None
+        return found
+
+    def refined(self) -> _Found:
+        guess, sizes, count = self.guess, self.sizes, len(self.phases)
+        meshes = [np.linspace(0.0, 1.0, self.nodes + 1)] * count
+        guesses = [_part(guess, k, count) for k in range(count)]
+        found = self.solved(meshes, guesses, sizes, cost_size(self.problem, guess, sizes))
+        for _ in range(_ROUNDS if self.refine else 0):
+            spans = self._spans(found, sizes)
+            defects = [np.abs(each.defects / spans).max(axis=1) for each in found.followed]
+            if found.answer.status != "converged" or max(d.max() for d in defects) <= self.refine:
+                break
+            meshes = [
+                cut(mesh, own, self.refine, self.row.order)
+                for mesh, own in zip(meshes, defects, strict=True)
+            ]  # fmt: skip
+            size = abs(found.answer.cost) or 1.0
+            finer = self.solved(meshes, [Guess.of(m) for m in found.motions], sizes, size)
+            if finer.answer.status != "converged":
+                break
+            found = finer
+        return found
+
+    def _spans(self, found: _Found, sizes: Sizes) -> Floats:
+        states = np.concatenate([motion.states for motion in found.motions])
+        return np.asarray(np.maximum(np.ptp(states, axis=0), 1e-3 * sizes.states))
+
+    def solved(
+        self, meshes: list[Floats], guesses: list[Guess], sizes: Sizes, size: float
+    ) -> _Found:
+        for _ in range(3):
+            answer, motions = self._solved(meshes, guesses, sizes, size)
+            share = abs(answer.cost) / size
+            if answer.status != "converged" or not share > 1e-9 or 1e-2 < share < 1e3:
+                break
+            size, guesses = abs(answer.cost), [Guess.of(motion) for motion in motions]
+        self.rounds.append(sum(len(mesh) - 1 for mesh in meshes))
+        spans = np.maximum(
+            np.ptp(np.concatenate([m.states for m in motions]), axis=0), 1e-3 * sizes.states
+        )
+        along = [
+            followed(phase.problem, motion, spans)
+            for phase, motion in zip(self.phases, motions, strict=True)
+        ]
+        return _Found(answer, motions, along)
+
+    def _solved(
+        self, meshes: list[Floats], guesses: list[Guess], sizes: Sizes, size: float
+    ) -> tuple[Answer, list[Motion]]:
+        program = Program()
+        begun: Any = 0.0
+        stretches = list[Stretch]()
+        for phase, mesh, guess in zip(self.phases, meshes, guesses, strict=True):
+            stretch = Stretch(program, phase.problem, self.row, mesh, guess, sizes, begun=begun)
+            if stretches:
+                self._link(program, phase, stretches[-1], stretch)
+            stretches.append(stretch)
+            begun = begun + stretch.duration
+        if len(stretches) > 1:
+            low, high = (each / sizes.duration for each in self.problem.duration)
+            program.row(begun / sizes.duration, low, high, lambda _: "the duration")
+        answer = program.solve(size, self.most)
+        self.iterations += answer.iterations
+        return answer, [stretch.motion(answer) for stretch in stretches]
+
+    def _link(self, program: Program, phase: _Phase, before: Stretch, after: Stretch) -> None:
+        """What one phase leaves to the next, through an impact."""
+        end = before.rights[-1]
+        for gap in phase.closing:
+            program.row(
+                gap(end.t, end.x, end.u), 0.0, 0.0,
+                lambda _: f"the gap that closes before {phase.mode.name}",
+            )  # fmt: skip
+        state, pressed = phase.jump(end.t, end.x, end.u)
+        names = list(self.problem.states)
+        program.row(
+            (after.lefts[0].x - state) / self.sizes.states, 0.0, 0.0,
+            lambda i: f"{names[i]} into {phase.mode.name}",
+        )  # fmt: skip
+        program.row(pressed, -np.inf, 0.0, partial(_name, phase.names))
+
+    def _end(self, forces: Forces) -> dict[str, Any]:
+        """What is asked at the end, without what closed gaps hold anyhow: no row is said twice."""
+        casadi, tree, end = loaded(), self.known.tree, dict(self.problem.end)
+        names, count = list(self.problem.states), len(tree.freedoms)
+        at = self.guess.states(np.ones(1))[0][:count]
+        held = np.asarray(casadi.Function("rows", [tree.t, tree.q], [forces.rows])(0.0, at))
+        for begin_ in (0, count):
+            rows = held
+            for k in range(count):
+                name = names[begin_ + k]
+                if name not in end or np.ptp(np.atleast_1d(end[name])) > 0.0:
+                    continue
+                more = np.vstack([rows, np.eye(count)[k]])
+                if np.linalg.matrix_rank(more) > np.linalg.matrix_rank(rows):
+                    rows = more
+                else:
+                    del end[name]
+        return end
+
+    def size(self, gap: Closing) -> float:
+        """Of a gap, by those of coordinates."""
+        casadi, tree = loaded(), self.known.tree
+        count = len(tree.freedoms)
+        slopes = casadi.Function("slopes", [tree.t, tree.q], [casadi.jacobian(gap.gap, tree.q)])
+        told = slopes(0.0, self.guess.states(np.zeros(1))[0][:count])
+        found = float(np.abs(np.asarray(told, dtype=float)).ravel() @ self.sizes.states[:count])
+        return found if found > 0.0 else 1.0
+
+    def joined(self, found: _Found) -> tuple[Motion, Followed, Floats]:
+        """One motion, whose states where phases meet are those before impacts."""
+        lengths = np.array([motion.duration for motion in found.motions])
+        ends = np.concatenate([[0.0], np.cumsum(lengths)])
+        total = float(ends[-1])
+        shares = [
+            (begin + motion.times) / total
+            for begin, motion in zip(ends[:-1], found.motions, strict=True)
+        ]
+        shares[-1][-1] = 1.0
+        first, *rest = found.motions
+        states = np.concatenate([first.states, *(motion.states[1:] for motion in rest)])
+        motion = Motion(
+            np.concatenate([shares[0], *(share[1:] for share in shares[1:])]), total, states,
+            np.concatenate([m.rates for m in found.motions]),
+            np.concatenate([m.controls for m in found.motions]), first.parameters,
+            None if first.middles is None
+            else np.concatenate([np.asarray(m.middles) for m in found.motions]),
+        )  # fmt: skip
+        along = Followed(
+            states, sum(each.cost for each in found.followed),
+            np.concatenate([each.defects for each in found.followed]),
+        )  # fmt: skip
+        self.ends = ends
+        return motion, along, self._spans(found, self.sizes)
+
+
+def _name(names: Sequence[str], row: int) -> str:
+    return names[row]
+
+
+def _told(gaps: Sequence[Closing], closed: frozenset[int] | set[int]) -> str:
+    names = dict.fromkeys(label(gaps[k]) for k in sorted(closed))
+    return "+".join(names) or FLIGHT
+
+
+def _part(guess: Guess, k: int, count: int) -> Guess:
+    """A phase of as many, equally long."""
+
+    def at(shares: Floats) -> Floats:
+        return (k + shares) / count
+
+    return replace(
+        guess, duration=guess.duration / count, states=lambda s: guess.states(at(s)),
+        controls=lambda s: guess.controls(at(s)),
+    )  # fmt: skip
+
+
+def _resimulated(
+    search: _Search, found: _Found, told: Transcribed
+) -> tuple[Transcribed, tuple[Floats, Floats]]:
+    """What really follows, and whether contacts close and open as they were to."""
+    pieces = 10
+    times, record = recorded(search.known, search.gaps, told, pieces)
+    asked = [_told(search.gaps, mode.closed) for mode in search.modes]
+    spans = iter(found.motions)
+    lasts = [0.0 if mode.instant else float(next(spans).duration) for mode in search.modes]
+    lengths = {"modes": asked, "lasts": lasts}
+    if record is None:
+        lost = np.full((len(times), told.at_nodes.shape[1]), np.nan)
+        return replace(told, more=lengths), (times, lost)
+    states = np.concatenate([record.position, record.velocity], axis=1)
+    nodes = states[::pieces].copy()
+    # Where contacts change rates jump: what is just before on one side is just after on the other.
+    for end in search.ends[1:-1]:
+        nearest = int(np.abs(told.times - end).argmin())
+        nodes[nearest] = told.at_nodes[nearest]
+    casadi, tree = loaded(), search.known.tree
+    gap = casadi.Function("gap", [tree.t, tree.q], [casadi.vertcat(*(g.gap for g in search.gaps))])
+    away = np.array([
+        np.asarray(gap(t, q), dtype=float).ravel()
+        for t, q in zip(times, record.position, strict=True)
+    ])  # fmt: skip
+    near = away < _TOUCHES * np.array([search.size(each) for each in search.gaps])
+    order = order_of(times, record.lasting, record.table(), search.gaps, near)
+    wrong: tuple[str, ...] = ()
+    if order != asked and told.status == "converged":
+        text = "contacts close and open in another order than modes say: "
+        text += f"{' > '.join(order)} instead of {' > '.join(asked)}; give that order, more nodes, "
+        wrong = (f"{text}or a guess nearer to what is asked",)
+    told = replace(told, wrong=wrong, more=lengths | {"true_order": order})
+    return told.with_followed("event_driven", nodes), (times, states)
+
+
+def order_of(
+    times: Floats, lasting: Floats, impacts: Floats, gaps: Sequence[Closing],
+    near: NDArray[np.bool_],
+) -> list[str]:  # fmt: skip
+    """The order in which contacts close and open in a run from event to event.
+
+    Args:
+        times: Of rows (k,).
+        lasting: Impulses of lasting contact between rows (k, J).
+        impacts: Rows (time, contact, speeds, impulse).
+        gaps: Contacts (J,).
+        near: Whether they are closed or all but closed at rows (k, J): without force they may
+            part by rounding.
+    """
+    small = _PRESSES * float(lasting.max(initial=0.0)) / max(len(times), 1)
+    closed_ = (lasting[1:] > small) | (near[1:] & near[:-1])
+    held = [frozenset(np.flatnonzero(row).tolist()) for row in closed_]
+    # A row in which one ends and another begins holds both, or none.
+    for k in range(1, len(held) - 1):
+        around = held[k - 1], held[k + 1]
+        if held[k] in (around[0] | around[1], around[0] & around[1]) and around[0] != around[1]:
+            held[k] = around[0]
+    bounces: dict[int, set[int]] = {}
+    for at, j, *_ in impacts:
+        row = int(np.clip(np.searchsorted(times, at) - 1, 0, len(held) - 1))
+        beside = held[max(row - 1, 0) : row + 2]
+        if gaps[int(j)].restitution and not any(int(j) in each for each in beside):
+            bounces.setdefault(row, set()).add(int(j))
+    order: list[str] = []
+    for k, closed in enumerate(held):
+        name = _told(gaps, closed)
+        if not order or order[-1] != name:
+            order.append(name)
+        if k in bounces:
+            order += [_told(gaps, bounces[k]), _told(gaps, held[min(k + 1, len(held) - 1)])]
+    return order

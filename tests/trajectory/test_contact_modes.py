@@ -1,0 +1,171 @@
+"""Trajectories through contact: by complementarity, and in a known order of contacts."""
+
+# ruff: noqa: ARG001, ARG005 - functions take time, states and controls
+
+import numpy as np
+import pytest
+
+import impactfem
+from impactfem import Scene, SceneError
+
+pytest.importorskip("casadi")
+
+from impactfem.trajectory.scenes import trajectory
+
+MU, G = 0.3, 9.81
+SPAN = np.sqrt(6.0 / (MU * G))  # of a block that friction brakes, 1 m from rest to rest
+LEAST = 4.0 / 3.0 * (MU * G) ** 2 * SPAN
+
+
+def ball(*, restitution=0.0, friction=0.0, force=("0", "0"), acts="x", velocity=(0.0, 0.0),
+         height=0.0, lasts=SPAN, **asked):  # fmt: skip
+    """A point above a floor, pushed along one or two axes."""
+    law = {"between": ["ball", "floor"], "restitution": restitution}
+    return {
+        "title": "ball", "duration": lasts, "gravity": [0.0, -G],
+        "body": [{"kind": "point", "name": "ball", "mass": 1.0, "position": [0.0, height],
+                  "velocity": list(velocity), "force": list(force)}],
+        "obstacle": [{"kind": "half_space", "name": "floor", "point": [0.0, 0.0],
+                      "normal": [0.0, 1.0]}],
+        "contact": [law | ({"friction_coefficient": friction} if friction else {})],
+        "control": [{"name": f"push_{axis}", "acts": f"body.ball.force.{axis}"} for axis in acts],
+        "trajectory": {"end": {"ball.x": 1.0}} | asked,
+    }  # fmt: skip
+
+
+def planned(tables):
+    return trajectory(Scene.from_dict(tables))
+
+
+class TestComplementarity:
+    def test_pushed_block(self):
+        """u = 2 mu g (1 - s/Ts), J = 4/3 (mu g)^2 Ts; implicit Euler costs a little more."""
+
+        def pairs(t, x, u):
+            return [x[1] + u[2], MU * G - u[1], u[2], MU * G + u[1]]
+
+        found = impactfem.transcribe(
+            lambda t, x, u: [x[1], u[0] - u[1]], states=["x", "v"], controls=["u", "f", "w"],
+            duration=SPAN, start={"x": 0.0, "v": 0.0}, end={"x": 1.0, "v": 0.0},
+            running=lambda t, x, u: u[0] ** 2, pairs=pairs, transcription="contact_implicit",
+            nodes=20,
+        )  # fmt: skip
+        assert found.trusted
+        assert found.cost / LEAST == pytest.approx(1.00490, abs=1e-5)  # N = 10: 1.022, 80: 1.0010
+        assert found.summary["eps"] == 1e-7
+        v, f = found.states["v"][1:], found.controls["f"][:-1]
+        moves = v > 1e-3
+        assert f[moves] == pytest.approx(MU * G, rel=1e-5)
+        # The scene, whose normal forces are found too, costs the same.
+        block = ball(friction=MU, transcription="contact_implicit", nodes=20)
+        scene = planned(block).found
+        assert scene.cost == pytest.approx(found.cost, rel=1e-5)
+        assert scene.controls["ball.floor.force"][:-1] == pytest.approx(G, rel=1e-5)
+        assert scene.follower == "event_driven"
+        assert scene.resimulated_end_error < 1e-4
+
+    def test_what_lands_stays(self):
+        """A ball that falls onto the floor without rebound, moved along it: J = 12 d^2/T^3."""
+        found = planned(ball(height=0.2, lasts=1.0, transcription="contact_implicit", nodes=20,
+                             end={"ball.x": 1.0, "ball.y": "free"})).found  # fmt: skip
+        assert found.states["ball.y"][-1] == pytest.approx(0.0, abs=1e-6)
+        assert found.cost == pytest.approx(12.0, rel=0.02)
+        assert found.resimulated_end_error < 0.03
+
+
+class TestPhases:
+    def test_bounce_to_a_place(self):
+        """Falls 1 m, rises to e^2: T = sqrt(2/g) (1 + e), moved along meanwhile: J = 12/T^3."""
+        found = planned(ball(
+            restitution=0.8, height=1.0, transcription="hybrid", nodes=4, duration=[0.1, 2.0],
+            modes=["flight", "ball.floor", "flight"], end={"ball.x": 1.0, "ball.vy": 0.0},
+        )).found  # fmt: skip
+        lasts = np.sqrt(2.0 / G) * 1.8
+        assert found.trusted
+        assert found.duration == pytest.approx(lasts, rel=1e-9)
+        assert found.cost == pytest.approx(12.0 / lasts**3, rel=1e-9)
+        assert found.summary["true_order"] == ["flight", "ball.floor", "flight"]
+        assert found.resimulated_distance < 1e-8
+
+    def test_jump_from_a_stand(self):
+        """A foot of .1 kg below a body of 1 kg leaves the floor once, and what follows agrees."""
+        found = planned(hopper(["stance", "flight"], 200.0, nodes=8)).found
+        assert found.doubts == ()
+        assert found.summary["true_order"] == ["foot.floor", "flight"]
+        assert found.kkt_residual < 1e-6
+
+    def test_order_that_does_not_happen(self):
+        """On a coarse mesh the floor's force is 0 at nodes, and would pull between: it lets go."""
+        found = planned(hopper(["stance", "flight"], 1000.0, nodes=12)).found
+        assert found.status == "converged"
+        assert found.summary["true_order"] == ["foot.floor", "flight"] * 2
+        assert "foot.floor > flight > foot.floor > flight instead of" in found.doubts[0]
+
+    @pytest.mark.parametrize("speed", [0.2, 1.0])
+    def test_friction_holds_what_lands_within_its_cone(self, speed):
+        """Thrown down at 2 m/s: mu times that stops .6 m/s at once, and no more."""
+        tables = ball(friction=MU, velocity=[speed, -2.0], height=0.1, transcription="hybrid",
+                      modes=["flight", "stance"], nodes=2, lasts=0.5,
+                      end={"ball.vx": 0.0, "ball.x": "free"})  # fmt: skip
+        tables["control"][0]["bounds"] = [-0.01, 0.01]
+        found = planned(tables).found
+        if speed < MU * 2.0:
+            assert found.doubts == ()
+            assert found.states["ball.x"][-1] == pytest.approx(speed * found.summary["lasts"][0],
+                                                               abs=1e-3)  # fmt: skip
+        else:
+            assert found.status == "infeasible"
+            assert "farthest off is the impact of ball.floor sticks" in found.doubts[0]
+
+
+def hopper(modes, stiffness, **asked):
+    """A body on a rail, with a foot on a sprung leg below."""
+    disc = {"kind": "disc", "radius": 0.05}
+    along = {"kind": "prismatic", "axis": [0.0, 1.0]}
+    return {
+        "title": "hopper", "duration": 1.5, "gravity": [0.0, -G],
+        "body": [{"kind": "rigid", "name": "body", "mass": 1.0, "inertia": 0.01,
+                  "shape": disc | {"center": [0.0, 1.0]}},
+                 {"kind": "rigid", "name": "foot", "mass": 0.1, "inertia": 0.001,
+                  "shape": disc | {"center": [0.0, 0.05]}}],
+        "obstacle": [{"kind": "half_space", "name": "floor", "point": [0.0, 0.0],
+                      "normal": [0.0, 1.0]}],
+        "joint": [along | {"name": "rail", "between": ["ground", "body"], "point": [0.0, 1.0]},
+                  along | {"name": "leg", "between": ["foot", "body"], "point": [0.0, 0.5],
+                           "stiffness": stiffness, "damping": 5.0, "motor": "0"}],
+        "contact": [{"between": ["foot", "floor"], "restitution": 0.0}],
+        "control": [{"name": "push", "acts": "joint.leg.motor", "bounds": [-300.0, 300.0]}],
+        "trajectory": {"transcription": "hybrid", "modes": modes, "duration": [0.2, 1.5],
+                       "start": {"rail.q": -G / stiffness, "leg.q": -G / stiffness},
+                       "end": {"rail.q": 0.3, "leg.q": "free", "leg.v": "free"}} | asked,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"transcription": "hybrid"}, "modes is missing: give the order of contacts"),
+        ({"modes": ["flight"]}, "belongs to transcription"),
+        ({"transcription": "hybrid", "modes": ["fly"]}, 'no contact "fly"; give "flight"'),
+        ({"transcription": "hybrid", "modes": ["flight", "flight"]}, "does not follow"),
+        ({"transcription": "hybrid", "modes": ["stance"], "height": 0.1},
+         "the gap of ball on floor is 0.1 m at the start"),
+        ({"transcription": "hybrid", "modes": ["flight", "stance"], "restitution": 0.5,
+          "height": 0.1}, "one that rebounds is followed by"),
+        ({"transcription": "contact_implicit", "restitution": 0.5},
+         "knows impacts without rebound, and ball on floor has restitution = 0.5"),
+    ],
+)  # fmt: skip
+def test_refused(asked, message):
+    with pytest.raises(SceneError, match=message.replace("(", r"\(")):
+        planned(ball(**asked))
+
+
+def test_what_cannot_be_is_named():
+    """Down by gravity alone: it does not come up to 2 m after a bounce."""
+    found = planned(ball(restitution=0.8, height=1.0, transcription="hybrid", nodes=2,
+                         duration=[0.1, 2.0], modes=["flight", "ball.floor", "flight"],
+                         end={"ball.x": 1.0, "ball.y": 2.0, "ball.vy": "free"})).found  # fmt: skip
+    assert found.status == "infeasible"
+    assert "no motion was found with contacts in the order" in found.doubts[0]
+    assert "farthest off is" in found.doubts[0]
