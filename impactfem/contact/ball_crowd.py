@@ -6,7 +6,14 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats, Integers
-from impactfem.contact.ball_kernels import gaps_of, near_among, near_of, ranked
+from impactfem.contact.ball_kernels import (
+    fastest_of,
+    gaps_of,
+    lent_gaps,
+    near_among,
+    near_of,
+    shared_nodes,
+)
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting
 from impactfem.errors import ConvergenceError
@@ -62,22 +69,12 @@ class BallCrowd(Anew):
         """See `BallPair.__call__`."""
         gap, normal = gaps_of(self.ends, self.room, places, acting)
         near = gap <= self.near
-        nodes = self.nodes_of(np.flatnonzero(near), gap[near])
+        nodes, most = shared_nodes(self.ends[near], self.shared[near], gap[near])
+        _check_room(most)
         starts = 2 * np.concatenate([[0], np.cumsum(near)])
         entries = np.tile([1.0, -1.0], len(nodes)), nodes.ravel(), starts
         weights = csr_matrix(entries, shape=(len(gap), self.total))
         return Meeting(weights, gap, normal, np.zeros(len(gap)))
-
-    def nodes_of(self, pairs: Integers, gap: Floats) -> Integers:
-        """Nodes of pairs with some gaps, the closest first in their choice, (pairs, 2)."""
-        nodes, shared = self.ends[pairs], self.shared[pairs]
-        rank = np.asarray(ranked(nodes, gap))
-        if ((shared > 0) & (rank >= shared)).any():
-            raise ConvergenceError(
-                f"more than {shared.max()} balls lie around one, in each other: use a smaller "
-                "solve.dt"
-            )
-        return np.asarray(nodes + np.where(shared > 0, rank, 0))
 
 
 class NearPairs:
@@ -115,8 +112,7 @@ class NearPairs:
 
     def _covers(self, places: Floats) -> bool:
         """Whether no ball has gone half as far as pairs were looked for beside what is near."""
-        way = places - self._looked
-        return bool(np.einsum("ij,ij->i", way, way).max() <= (_SHARE * self._beside) ** 2)
+        return bool(fastest_of(places - self._looked, False) <= _SHARE * self._beside)
 
     @property
     def memory(self) -> Floats:
@@ -129,35 +125,27 @@ class NearPairs:
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """See `BallPair.__call__`."""
-        crowd = self._crowd
-        near = self._near(places)
-        gap, normal = gaps_of(crowd.ends[near], crowd.room[near], places, acting)
-        self._lend(near)
-        lent = self.held >= 0
-        pairs = np.searchsorted(near, self.held[lent])
-        nodes = crowd.nodes_of(near, gap)[pairs]
-        found, ways = np.full(len(lent), FAR), np.zeros((len(lent), places.shape[1]))
-        ways[:, -1] = 1.0
-        found[lent], ways[lent] = gap[pairs], normal[pairs]
-        starts = 2 * np.concatenate([[0], np.cumsum(lent)])
-        entries = np.tile([1.0, -1.0], len(nodes)), nodes.ravel(), starts
-        weights = csr_matrix(entries, shape=(len(lent), crowd.total))
-        return Meeting(weights, found, ways, np.zeros(len(lent)))
-
-    def _lend(self, near: Integers) -> None:
-        """Give gaps to pairs that have come near, in rising order, and take those of others."""
-        before, free = self.held, np.flatnonzero(self.held < 0)
-        at = np.minimum(np.searchsorted(near, before), len(near) - 1)
-        stays, known = near[at] == before, np.zeros(len(near), dtype=bool)
-        known[at[stays]] = True
-        given_back, new = np.flatnonzero((before >= 0) & ~stays), near[~known]
-        if len(new) > len(free):
-            free = np.concatenate([free, given_back])
-        if len(new) > len(free):
+        crowd, near = self._crowd, self._near(places)
+        law = near, self.held, crowd.ends, crowd.room, crowd.shared
+        held, enough, gap, normal, rows, most = lent_gaps(*law, places, acting, FAR)
+        if not enough:
             raise ConvergenceError(
                 f"{len(near)} pairs of balls are near, more than there is room for: use a smaller "
                 "solve.dt"
             )
-        self.held = before.copy()
-        self.held[given_back] = -1
-        self.held[free[: len(new)]] = new
+        _check_room(most)
+        self.held = held
+        weights = csr_matrix(rows[::-1], shape=(len(held), crowd.total))
+        return Meeting(weights, gap, normal, np.zeros(len(held)))
+
+
+def _check_room(most: int) -> None:
+    """Stop where more balls lie around one than there is room for.
+
+    Raises:
+        ConvergenceError: More than so many do; 0: they do not.
+    """
+    if most:
+        raise ConvergenceError(
+            f"more than {most} balls lie around one, in each other: use a smaller solve.dt"
+        )

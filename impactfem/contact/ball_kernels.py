@@ -35,6 +35,26 @@ def gaps_of(ends, room, places, acting):
 
 
 @compiled
+def plane_gaps(nodes, rows, points, normals, radius, places, displacement, gap, normal):
+    """Gaps of balls to planes at rest and their directions, written in some rows of all.
+
+    Args:
+        nodes, rows: Of each gap, (gaps,).
+        points, normals: Of its plane, (gaps, dim).
+        radius: Of its ball [m], (gaps,).
+        places, displacement: Of all nodes [m], (nodes, dim).
+        gap, normal: Of all gaps, (all,) and (all, dim).
+    """
+    for i in range(len(rows)):
+        k, total = nodes[i], 0.0
+        for c in range(places.shape[1]):
+            way = places[k, c] + displacement[k, c] - points[i, c]
+            total += way * normals[i, c]
+            normal[rows[i], c] = normals[i, c]
+        gap[rows[i]] = total - radius[i]
+
+
+@compiled
 def near_of(ends, room, near, places):
     """Pairs of balls that are near, in rising order; where none is the nearest one.
 
@@ -130,17 +150,108 @@ def reached(points, thick, farther, places, simplices):
 
 
 @compiled
-def ranked(nodes, gap):
-    """How many pairs of a ball are closer than each one, (pairs, 2).
+def shared_nodes(ends, shared, gap):
+    """Nodes of pairs, of balls that share some a node each, the closest pairs the first.
 
     Args:
-        nodes: First nodes of both balls, (pairs, 2).
-        gap: Of the pairs [m].
+        ends, shared: As of `impactfem.contact.ball_crowd.BallCrowd`, of these pairs.
+        gap: Of them [m].
+
+    Returns:
+        (pairs, 2), and the most that a ball has shared where these are not enough, else 0.
     """
-    found = np.empty(nodes.shape, dtype=np.int64)
-    seen = np.zeros(nodes.max() + 1 if len(nodes) else 1, dtype=np.int64)
+    found = ends.copy()
+    seen = np.zeros(ends.max() + 1 if len(ends) else 1, dtype=np.int64)
     for j in np.argsort(gap, kind="mergesort"):
         for k in range(2):
-            found[j, k] = seen[nodes[j, k]]
-            seen[nodes[j, k]] += 1
-    return found
+            rank, most = seen[ends[j, k]], shared[j, k]
+            seen[ends[j, k]] += 1
+            if 0 < most <= rank:
+                return found, most
+            found[j, k] += rank if most else 0
+    return found, 0
+
+
+@compiled
+def lent(near, before):
+    """Which pairs have gaps: those that are near, in rising order, and have some already keep them.
+
+    Others get free gaps; such as are given back now only where there are no more.
+
+    Args:
+        near: Pairs that are near, rising, (near,).
+        before: Pair of each gap, -1: none, (gaps,).
+
+    Returns:
+        Pair of each gap, place of each among those near, -1: none, (gaps,), and whether there are
+        enough.
+    """
+    found, places = np.full(len(before), -1), np.full(len(before), -1)
+    known = np.zeros(len(near), dtype=np.bool_)
+    at = np.searchsorted(near, before)
+    for g in range(len(before)):
+        if before[g] >= 0 and at[g] < len(near) and near[at[g]] == before[g]:
+            found[g], places[g], known[at[g]] = before[g], at[g], True
+    new, count = np.flatnonzero(~known), 0
+    for turn in range(2):
+        for g in range(len(before)):
+            if count < len(new) and found[g] < 0 and (before[g] < 0) == (turn == 0):
+                found[g], places[g] = near[new[count]], new[count]
+                count += 1
+    return found, places, count == len(new)
+
+
+@compiled
+def lent_gaps(near, before, ends, room, shared, places, acting, far):
+    """Gaps that are lent to pairs of balls.
+
+    Args:
+        near, before: As of `lent`.
+        ends, room, shared: Of all pairs, as `impactfem.contact.ball_crowd.BallCrowd` has them.
+        places, acting: As of `gaps_of`.
+        far: Gap of what is lent to nobody [m].
+
+    Returns:
+        What `lent` tells but for places; gaps (gaps,), directions (gaps, dim) and what they weigh
+        of nodes, as ends of rows, columns and values; what `shared_nodes` says besides nodes.
+    """
+    own = ends[near]
+    away, ways = gaps_of(own, room[near], places, acting)
+    nodes, most = shared_nodes(own, shared[near], away)
+    now, at, enough = lent(near, before)
+    count, dim = len(before), places.shape[1]
+    gap, normal = np.full(count, far), np.zeros((count, dim))
+    stops, columns = np.zeros(count + 1, dtype=np.int32), np.empty(2 * len(near), dtype=np.int32)
+    values, last = np.empty(2 * len(near)), 0
+    for g in range(count):
+        normal[g, dim - 1] = 1.0
+        if at[g] >= 0:
+            gap[g], normal[g] = away[at[g]], ways[at[g]]
+            columns[last], columns[last + 1] = nodes[at[g], 0], nodes[at[g], 1]
+            values[last], values[last + 1] = 1.0, -1.0
+            last += 2
+        stops[g + 1] = last
+    return now, enough, gap, normal, (stops, columns[:last], values[:last]), most
+
+
+@compiled
+def fastest_of(velocities, apart):
+    """Speed with which nodes of some velocities (nodes, dim) may near each other [m/s].
+
+    Args:
+        velocities: [m/s].
+        apart: Whether that is also not more than twice that from what is amid all.
+    """
+    count, dim = velocities.shape
+    low, high = velocities[0].copy(), velocities[0].copy()
+    for i in range(count):
+        for c in range(dim):
+            low[c], high[c] = min(low[c], velocities[i, c]), max(high[c], velocities[i, c])
+    fast, away = 0.0, 0.0
+    for i in range(count):
+        one, two = 0.0, 0.0
+        for c in range(dim):
+            one += velocities[i, c] ** 2
+            two += (velocities[i, c] - 0.5 * (low[c] + high[c])) ** 2
+        fast, away = max(fast, one), max(away, two)
+    return min(np.sqrt(fast), 2.0 * np.sqrt(away)) if apart else np.sqrt(fast)

@@ -34,14 +34,14 @@ from impactfem.contact.friction_solutions import STICK, stuck
 from impactfem.contact.rooted import Rooted, full
 from impactfem.errors import ConvergenceError
 
-FEW = 60  # pairs up to which an island has an array of answers
+_FEW = 60  # pairs up to which an island has an array of answers
 _HELD = 1e-12  # share of the largest compliance below which a direction does not yield
 _DEPENDENT = 1e-9  # least eigenvalue of the matrix with unit diagonal
 _SWEEPS = ((100, 0.0), (5, 0.5), (1000, 0.0), (80, 0.25))
 """Sweeps with bounds that follow (share 0), or problems with frozen ones and the damping."""
 _FROZEN = 200
 _GROWING = (0.05, 0.1, 0.2, 0.4, 0.7)  # shares of the friction
-STICKING = (*STICK[0], _HELD), STICK[1]  # as `few_cones` has it
+_STICK = (*STICK[0], _HELD), STICK[1]  # as `few_cones` has it
 
 
 @dataclass(frozen=True)
@@ -135,15 +135,15 @@ def solve_cones(
     Raises:
         ConvergenceError: They were not found.
     """
-    if problem.is_plain and 0 < len(start) <= FEW:
+    if problem.is_plain and 0 < len(start) <= _FEW:
         law = full(problem.matrix), problem.offset, problem.friction, problem.base
-        fine, force, total = few_cones(*law, start, tolerance, max_iterations, *STICKING)
+        fine, force, total = few_cones(*law, start, tolerance, max_iterations, *_STICK)
         if fine:
             return np.asarray(force), int(total)
     problem, start = _yielding(problem, start)
     force, total, accuracy = np.zeros_like(start), 0, accuracy or Accuracy()
     wrong = np.ones(len(start), dtype=bool)
-    islands = problem.islands() if len(start) <= FEW else None
+    islands = problem.islands() if len(start) <= _FEW else None
     if islands is not None:
         start = _canonical(problem, start, islands)
     if isinstance(problem.matrix, Rooted):
@@ -155,7 +155,7 @@ def solve_cones(
             continue
         whole = len(pairs) == len(start)
         part = problem if whole else problem.part(pairs)
-        if isinstance(part.matrix, Rooted) and len(pairs) > FEW:
+        if isinstance(part.matrix, Rooted) and len(pairs) > _FEW:
             found, systems = _solve_many(part, start[pairs], tolerance, max_iterations, accuracy)
         else:
             if isinstance(part.matrix, Rooted):

@@ -130,6 +130,14 @@ class Gaps:
         """The obstacle, if there is one only and distances follow the nodes."""
         return self._obstacles[0] if self.updated and len(self._obstacles) == 1 else None
 
+    @property
+    def plane(self) -> Any | None:
+        """Where `single` ends, if it is a plane at rest."""
+        one = self.single
+        if one is None or one.moves or one.rotation is not None or self._nodes is not None:
+            return None
+        return one.plane
+
     @classmethod
     def joined(cls, each: Sequence["Gaps"]) -> "Gaps":
         """Of the nodes of several beside the same `single` obstacle: it is asked once for all."""

@@ -1,12 +1,14 @@
 """Gaps of several bodies: each to its obstacles, and between surfaces of two of them."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats, Integers
+from impactfem.contact.ball_kernels import plane_gaps
 from impactfem.contact.faces import Faces
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.meeting import Led, Lent, Meet, Meeting, Turning
@@ -57,6 +59,9 @@ class PairGaps:
         self._places, self._initial = places, initial
         self._obstacles, self._meetings = tuple(obstacles), tuple(meetings)
         self._beside = _by_obstacle(self._obstacles)
+        flat = [each for each in self._beside if each[2].plane is not None]
+        self._flat = _flat(flat) if flat else None
+        self._bent = [each for each in self._beside if each[2].plane is None]
         # Found once: what asks of protocols costs as much as a gap does.
         self._led = {k: meet for k, meet in enumerate(self._meetings) if isinstance(meet, Led)}
         self._lent = {k: meet for k, meet in enumerate(self._meetings) if isinstance(meet, Lent)}
@@ -220,23 +225,18 @@ class PairGaps:
     ) -> tuple[Floats, Floats]:
         """Gaps (pairs,) and normals (pairs, dim); see `Gaps.at`."""
         self._turning = None
-        count = self._bound.shape[0]
-        gaps, normals = [np.zeros(count)], [np.zeros((count, displacement.shape[1]))]
-        for nodes, rows, obstacle in self._beside:
-            before = begin[nodes]
-            after = before if last is begin else last[nodes]
-            parts = before if displacement is begin else displacement[nodes], before, after
-            gap, normal = obstacle.at(*parts, time, back, span)
-            if len(rows) == count and not self._meetings:  # in their order
-                self._reach(normal)
-                return gap, normal
-            gaps[0][rows], normals[0][rows] = gap, normal
-        static = last - begin
+        found = self._at_obstacles(displacement, begin, last, (time, back, span))
+        if not self._meetings:
+            self._reach(found[1])
+            return found
+        gaps, normals = [found[0]], [found[1]]
         met = self._first
         if self._moving:
             for led in self._led.values():
                 led.tell(time, time if displacement is begin else time - back * span)
-            there = self._places + displacement + static
+            there = self._places + displacement
+            if last is not begin:
+                there += last - begin
             acting = there - back * (displacement - begin)
             met = [
                 meet(there, acting) if meet.follows else first
@@ -248,13 +248,31 @@ class PairGaps:
             if self._responses is not None:
                 self._responses.follow(self._weights)
         for meet, entry in zip(self._meetings, met, strict=True):
-            moved = -static if meet.follows else displacement - self._initial
-            change = np.einsum("ij,ij->i", entry.normal, times(entry.weights, moved))
-            gaps.append(entry.gap + change)
+            gap = entry.gap
+            if last is not begin or not meet.follows:
+                moved = begin - last if meet.follows else displacement - self._initial
+                gap = gap + np.einsum("ij,ij->i", entry.normal, times(entry.weights, moved))
+            gaps.append(gap)
             normals.append(entry.normal)
-        found = np.concatenate(normals)
-        self._reach(found)
-        return np.concatenate(gaps), found
+        directions = np.concatenate(normals)
+        self._reach(directions)
+        return np.concatenate(gaps), directions
+
+    def _at_obstacles(
+        self, displacement: Floats, begin: Floats, last: Floats, times: tuple[float, float, float]
+    ) -> tuple[Floats, Floats]:
+        """The same of gaps to obstacles; times are those that `at` takes."""
+        count = self._bound.shape[0]
+        found, beside = (np.zeros(count), np.zeros((count, displacement.shape[1]))), self._beside
+        if self._flat is not None and last is begin:
+            plane_gaps(*self._flat, self._places, displacement, *found)
+            beside = self._bent
+        for nodes, rows, obstacle in beside:
+            before = begin[nodes]
+            after = before if last is begin else last[nodes]
+            parts = before if displacement is begin else displacement[nodes], before, after
+            found[0][rows], found[1][rows] = obstacle.at(*parts, *times)
+        return found
 
     @property
     def moves(self) -> bool:
@@ -349,6 +367,18 @@ def _by_obstacle(
         (np.concatenate(nodes), np.concatenate(rows), Gaps.joined(gaps))
         for nodes, rows, gaps in (zip(*group, strict=True) for group in groups.values())
     ]
+
+
+def _flat(groups: Sequence[tuple[Integers, Integers, Gaps]]) -> tuple[Any, ...]:
+    """Gaps to planes at rest, as `plane_gaps` takes them."""
+    nodes, rows, gaps = zip(*groups, strict=True)
+    sizes = [len(each) for each in rows]
+    planes = [(each.plane.point, each.plane.normal) for each in gaps]
+    points, normals = (
+        np.repeat(np.array(e, dtype=float), sizes, axis=0) for e in zip(*planes, strict=True)
+    )
+    radius = [np.broadcast_to(e.radius, n) for e, n in zip(gaps, sizes, strict=True)]
+    return *map(np.concatenate, (nodes, rows)), points, normals, np.concatenate(radius)
 
 
 def _along(ways: Floats, normals: Floats) -> Floats:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats, Integers
-from impactfem.contact.rooted_kernels import islands_among, own_of, squares_of
+from impactfem.contact.rooted_kernels import full_of, islands_among, own_of, squares_of
 from impactfem.contact.sparse_rows import across, rows_of, times
 
 
@@ -63,7 +63,7 @@ class Rooted:
 
     def full(self) -> Floats:
         """A as an array."""
-        return np.asarray(self.sparse().toarray())
+        return np.asarray(full_of(*rows_of(self.roots), self.roots.shape[1]))
 
 
 type Matrix = Floats | Rooted

@@ -5,7 +5,7 @@ import numpy as np
 from impactfem.compiled import compiled, fused
 
 _ROUNDING = 1e-13  # share of the largest displacement that counts as zero
-_CLOSER = 0.3  # by which sweeps end closer than what is asked, and again if that was not enough
+_CLOSER = 0.3  # by which sweeps go on where changes as small as what is asked were not enough
 _SWEEPS, _ASKED = 200, 3000  # at most, and for what is asked
 _LOCAL = 2  # alternations between the normal and the tangential force of a contact
 _SAME = 1e-3  # share of the change that counts at which they end
@@ -81,6 +81,24 @@ def squares_of(ends, values):
     for i in range(len(ends) - 1):
         for k in range(ends[i], ends[i + 1]):
             found[i] += values[k] * values[k]
+    return found
+
+
+@compiled
+def full_of(ends, columns, values, size):
+    """R R^T of sparse rows, (rows, rows)."""
+    count, spread = len(ends) - 1, np.zeros(size)
+    found = np.empty((count, count))
+    for i in range(count):
+        for k in range(ends[i], ends[i + 1]):
+            spread[columns[k]] = values[k]
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(ends[j], ends[j + 1]):
+                total += spread[columns[k]] * values[k]
+            found[i, j] = found[j, i] = total
+        for k in range(ends[i], ends[i + 1]):
+            spread[columns[k]] = 0.0
     return found
 
 
@@ -286,7 +304,7 @@ def swept_forces(gathered, size, own, offset, friction, base, scale, force, tole
     Returns:
         Of which pairs forces are not found, (pairs,), and the largest error as such a share.
     """
-    share, left, none = asked * _CLOSER, _ASKED if asked > 0.0 else _SWEEPS, len(force) == 0
+    share, left, none = asked, _ASKED if asked > 0.0 else _SWEEPS, len(force) == 0
     wrong, least = np.zeros(len(force), dtype=np.bool_), np.empty(len(force))
     for j in range(len(force)):
         least[j] = 0.1 * tolerance / min(scale[j, 0], scale[j, 1])

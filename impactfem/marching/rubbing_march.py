@@ -10,9 +10,10 @@ from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.friction_newton import ConeProblem
-from impactfem.contact.friction_solver import FEW, STICKING, solve
-from impactfem.contact.rooted import Rooted, among
-from impactfem.contact.speed_law_kernels import HARD, SMOOTH, ended, opened
+from impactfem.contact.friction_solver import solve
+from impactfem.contact.rooted import Matrix, Rooted, among
+from impactfem.contact.rooted_kernels import full_of
+from impactfem.contact.speed_law_kernels import ended, opened
 from impactfem.findings import Finding
 from impactfem.marching.composite import Composite
 from impactfem.marching.layers import DirectedAnswers, DirectedGaps, Interior, Rolling
@@ -232,39 +233,30 @@ class RubbingMarch(SolidMarch):
             return None
         weights, roots, size, many = rooted
         interior, state, contact = self.interior, self._rubbing, self.contact
-        (count, dim), law, accuracy = normals.shape, self._rubbing.law, self._rubbing.law.accuracy
-        speeds = interior.contact_speeds(free - last)
-        nodes = np.hstack([free + self._rolled, last, *speeds])
+        (count, dim), law = normals.shape, self._rubbing.law
+        nodes = free + self._rolled, last, *interior.contact_speeds(free - last)
         shift, before = self._shifts(count, dim), (contact.gap, contact.multiplier)
         gaps = normals, gap, *before, state.tangential, shift
         coefficients = self._lively, law.rebound, law.coefficients
-        solving = many, FEW, law.max_iterations, accuracy.asked or 0.0, *STICKING
         times = self.tolerance, interior.dt, self._reach
-        found = opened(weights, roots, size, nodes, gaps, coefficients, times, solving)
-        how, approach, relative, ready, answers, (force, systems, left), acts, jams = found
-        if how == SMOOTH:
+        found = opened(weights, roots, nodes, gaps, coefficients, times)
+        relative, approach, (directions, way, near, slip), answers, acts, rubs, jams = found
+        if not rubs:
             return None
         rows, _, self._normal_speed, self._mean_way, *approach = approach
         self._arriving, self._leaving, struck, _ = approach
-        directions, way, near, slip = ready
         self._fast, self._braked = np.ones(count, dtype=bool), 0.0
         self._slipping = relative[:, 2 * dim : 3 * dim] - shift[:, 2 * dim : 3 * dim]
-        mu, once = law.coefficients[rows], struck[rows]
-
-        def problem() -> ConeProblem:
-            ends, columns, values = answers
-            sparse = csr_matrix((values, columns, ends), shape=(len(way.ravel()), size))
-            matrix = Rooted(sparse) if many else Rooted(sparse).full()
-            return ConeProblem(matrix, way, mu, np.zeros(len(rows)))
-
-        arriving = (once & self._arriving[rows]).any()
-        if arriving and self._impacts.asks(int(np.count_nonzero(once))):
-            slips = partial(self._slips, rows, directions)
-            self._in_turn(rows, once, problem().matrix, slips, law)
-        if how == HARD:
-            force, systems = _acting(problem(), near, acts, law)
-        elif accuracy.asked is not None:
-            accuracy.reached = max(accuracy.reached, min(left, accuracy.asked))
+        mu, (ends, columns, values) = law.coefficients[rows], answers
+        matrix: Matrix = np.zeros(0)
+        if many:
+            matrix = Rooted(csr_matrix((values, columns, ends), shape=(way.size, size)))
+        else:
+            matrix = np.asarray(full_of(*answers, size))
+        slips = partial(self._slips, rows, directions)
+        self._in_turn(rows, struck[rows], matrix, slips, law)
+        problem = ConeProblem(matrix, way, mu, np.zeros(len(rows)))
+        force, systems = _acting(problem, near, acts, law)
         closed = weights, roots, size, rows, directions, gaps, relative, answers, force, mu
         nodal, done, self._told, same = ended(*closed, 1.0 - ON_CONE, self._told)
         self._tangential, pushes, self._true_gap, state.work, state.stuck, *slid = done
@@ -273,7 +265,7 @@ class RubbingMarch(SolidMarch):
             interior.push(nodal, None, np.zeros(0))
         if jams or not same:
             time = (self.layer + 1) * interior.dt
-            self._determinacy.look(time, rows, self._gaps.pair_of, problem(), force, slip)
+            self._determinacy.look(time, rows, self._gaps.pair_of, problem, force, slip)
         return pushes, pushes, np.zeros_like(free), systems
 
     def _layer_forces(

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from impactfem.arrays import Floats
+from impactfem.contact.ball_kernels import fastest_of
 from impactfem.contact.convex_nodes import CornersOnFaces
 from impactfem.contact.distance import signed_distance
 from impactfem.contact.meeting import Led
@@ -83,7 +84,9 @@ class AxisWatch:
         if level.layer % self._every:
             return
         if self._steppers:
-            fast = self._fast(np.concatenate([s.surface_velocity for s in self._steppers]))
+            each = np.concatenate([s.surface_velocity for s in self._steppers])
+            # Bodies that meet only each other may all fly along: none nears another by that.
+            fast = float(fastest_of(each, self._among))
             self.speed = max(self.speed, fast) if np.isfinite(fast) else self.speed
         for names, edged in self._edges.items():
             depth = -edged.least_between(self._places + level.surface)
@@ -103,18 +106,6 @@ class AxisWatch:
                 pair = name, obstacle.name
                 if np.isfinite(depth) and depth > self.depth.get(pair, 0.0):
                     self.depth[pair] = depth
-
-    def _fast(self, velocities: Floats) -> float:
-        """Speed with which nodes of some velocities (nodes, dim) near each other, or what stands.
-
-        Bodies that meet only each other may all fly along: that brings none nearer to another.
-        """
-        squares = np.einsum("ij,ij->i", velocities, velocities)
-        fast = float(np.sqrt(squares.max()))
-        if not self._among:
-            return fast
-        away = velocities - 0.5 * (velocities.min(axis=0) + velocities.max(axis=0))
-        return min(fast, 2.0 * float(np.sqrt(np.einsum("ij,ij->i", away, away).max())))
 
     def _look_between(self, level: Level) -> None:
         """Look for obstacles between nodes of solids, by more than chords of round ones."""
