@@ -175,16 +175,25 @@ class PairResponses:
     def rooted(self) -> tuple[Any, Any, int, bool] | None:
         """Weights and roots as kernels take them, the number of coordinates, and if these are many.
 
-        None where some nodes have no roots.
+        None where no nodes have roots; see `has_roots`.
         """
-        if self._order or self._roots is None or not self._rooted.all():
+        if self._roots is None:
             return None
         weights, few = self._weights, isinstance(self._weights, np.ndarray)
         if self._taken[0] is not weights:
             taken = rows_among(weights) if few else rows_of(cast("csr_matrix", weights))
             self._taken = weights, taken
-        many = not few and self._apart is not None
+        many = not few and self._apart is not None and not self._order
         return self._taken[1], rows_of(self._roots), self._roots.shape[1], many
+
+    def has_roots(self, rows: Integers) -> bool:
+        """Whether some gaps weigh nodes with roots alone."""
+        if self._rooted.all():
+            return True
+        part = self._weights[rows]
+        if isinstance(part, np.ndarray):
+            return bool(self._rooted[part.any(axis=0)].all())
+        return bool(self._rooted[part.indices].all())
 
     def blocks(self, rows: Integers, frames: Floats) -> tuple[Matrix, Matrix]:
         """C and D of some gaps in all directions [m/N], each (k dim, k dim); of many their roots.

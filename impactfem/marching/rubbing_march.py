@@ -228,8 +228,8 @@ class RubbingMarch(SolidMarch):
         self, gap: Floats, normals: Floats, free: Floats, last: Floats
     ) -> tuple[Floats, Floats, Floats, int] | None:
         """`_layer_forces` where `_at_speeds`; None without friction where gaps act, or roots."""
-        rooted = cast("PairResponses", self._responses).rooted
-        if rooted is None:
+        responses = cast("PairResponses", self._responses)
+        if (rooted := responses.rooted) is None:
             return None
         weights, roots, size, many = rooted
         interior, state, contact = self.interior, self._rubbing, self.contact
@@ -241,7 +241,7 @@ class RubbingMarch(SolidMarch):
         times = self.tolerance, interior.dt, self._reach
         found = opened(weights, roots, nodes, gaps, coefficients, times)
         relative, approach, (directions, way, near, slip), answers, acts, rubs, jams = found
-        if not rubs:
+        if not rubs or not responses.has_roots(approach[0]):
             return None
         rows, _, self._normal_speed, self._mean_way, *approach = approach
         self._arriving, self._leaving, struck, _ = approach
