@@ -91,7 +91,7 @@ def _driven(scene: Scene, solid: Solid, obstacles: Sequence[Any]) -> str | None:
     why = {
         "an obstacle that turns": any(obstacle.rotation for obstacle in obstacles),
         "moving supports": any(support.moves for support in solid.supports),
-        "residual stress": bool(solid.residual_stress),
+        "residual stress": solid.has_residual_stress,
         "tractions or pressures": bool(solid.tractions or solid.pressures),
         "an initial displacement": any(each.plain != 0.0 for each in solid.displacement),
         "joints": any(solid.name in joint.bodies for joint in scene.couplings),

@@ -52,8 +52,9 @@ def resolution_findings(body: "Flyer", blow: "Blow", dt: float | None) -> list[F
         blow: Its first contact.
         dt: Time step [s]; None if it follows from the mesh.
     """
-    if blow.speed <= 0.0:
-        return []
+    both = [body] if blow.other is None else [body, blow.other]
+    if blow.speed <= 0.0 or any(each.solid.materials for each in both):
+        return []  # of what is soft and what is heavy the run tells
     lasting, depth = _impact(body, blow)
     way = body.drives.at(blow.time) - body.drives.at(blow.time + lasting)
     if float(way @ blow.normal) > 2.0 * blow.speed * lasting:

@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from impactfem.scene.boundary import SPACE
-from impactfem.scene.given import FormulaLike, Given, MaybeTable, Tables
-from impactfem.scene.inline import InlineTable, ListOf
+from impactfem.scene.given import FormulaLike, Given, MaybeFormulas, MaybeTable, Tables
+from impactfem.scene.inline import Formulas, InlineTable, ListOf
 from impactfem.scene.kinds import Choice, Real, RealOrFormula
 from impactfem.scene.ogden import OgdenTerm
 from impactfem.scene.orthotropic import OrthotropicSolid
@@ -62,6 +62,14 @@ class Material:
     viscoelastic: MaybeTable[KelvinVoigt | Maxwell] = key(
         InlineTable(tuple(VISCOELASTIC)),
         "how it creeps and relaxes",
+        default=None,
+        absent=_OF_BODY,
+    )
+    residual_stress: MaybeFormulas = key(
+        Formulas(SPACE, lengths=(3, 6)),
+        "stress in it as it is without displacement: [sxx, syy, sxy], in space [sxx, syy, szz, "
+        "sxy, syz, sxz], of the place",
+        unit="Pa",
         default=None,
         absent=_OF_BODY,
     )

@@ -292,6 +292,8 @@ class Solid(BodyKind):
         """Refuse stresses of other models, and take small strains beside them."""
         given = self.residual_stress
         if given is None:
+            if self.has_residual_stress:  # as each material says it
+                object.__setattr__(self, "strain", self.strain or "small")
             return
         count, what = len(given), " has {} entries"
         if self.model == "axisymmetric":
@@ -323,7 +325,8 @@ class Solid(BodyKind):
         """How it flies; None if loads, supports or rotation act on it or its box is not known."""
         spin = self.angular_velocity
         loads = (
-            self.supports, self.tractions, self.pressures, self.rayleigh_mass, self.residual_stress,
+            self.supports, self.tractions, self.pressures, self.rayleigh_mass,
+            self.has_residual_stress,
         )  # fmt: skip
         turns = any(spin) if isinstance(spin, tuple) else spin
         still = all(entry.is_constant and float(entry()) == 0.0 for entry in self.displacement)
@@ -368,6 +371,12 @@ class Solid(BodyKind):
     def of_groups(self) -> "Mapping[str, Solid]":
         """The body as it would be of each of its `materials` alone; empty without these."""
         return solids_of(self) if self.materials else {}
+
+    @property
+    def has_residual_stress(self) -> bool:
+        """Whether stress is in it, or in one of its materials, without displacement."""
+        each = (material.residual_stress for material in self.materials.values())
+        return any(stress is not None for stress in (self.residual_stress, *each))
 
     @property
     def is_uniform(self) -> bool:

@@ -103,7 +103,9 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
             stress = _stress(cell, x, at, made, solid.model)
         basis = cell.basis(at)[0]
         place = dict(zip("xyz", (basis @ x).tolist(), strict=False))
-        given = zip(RESIDUAL[len(point)], solid.residual_stress or (), strict=False)
+        each = (name for name, cells in nodes.groups.items() if best[2] in cells)
+        of = solid.of_groups[next(each)] if solid.materials else solid
+        given = zip(RESIDUAL[len(point)], of.residual_stress or (), strict=False)
         residual = {name: float(formula(**place)) for name, formula in given}
         answer = Located(nodes.numbers[own], basis, stress, law, residual)
     located: Located = comm.bcast(answer, root=winner[2])

@@ -86,18 +86,23 @@ def _residual(nodes: Nodes, solid: Any) -> Any:
     Raises:
         SceneError: A formula has no finite value.
     """
-    if solid.residual_stress is None:
+    if not solid.has_residual_stress:
         return None
     mesh, dim = nodes.space.mesh, nodes.dim
     degree = int(nodes.space.ufl_element().degree)
     space = dolfinx_fem.functionspace(mesh, ("Discontinuous Lagrange", degree))
     places = space.tabulate_dof_coordinates()[:, :dim]
-    found = []
-    for name, formula in zip(RESIDUAL[dim], solid.residual_stress, strict=True):
-        made = dolfinx_fem.Function(space)
-        label = f"residual_stress {name}"
-        made.x.array[:] = FormulaValues(formula, label, places, nodes.comm, "body").mean(0.0, 0.0)
-        found.append(made)
+    found = [dolfinx_fem.Function(space) for _ in RESIDUAL[dim]]
+    every: dict[str, Any] = {"": np.arange(len(space.dofmap.list))}
+    for group, cells in (nodes.groups if solid.materials else every).items():
+        own = solid.of_groups[group] if group else solid
+        dofs = np.ravel(space.dofmap.list[cells])
+        each = zip(RESIDUAL[dim], own.residual_stress or (), found, strict=False)
+        for name, formula, made in each:
+            values = FormulaValues(
+                formula, f"residual_stress {name}", places[dofs], nodes.comm, "body"
+            )
+            made.x.array[dofs] = values.mean(0.0, 0.0)
     order = [[0, 2], [2, 1]] if dim == 2 else [[0, 3, 5], [3, 1, 4], [5, 4, 2]]
     return fem.ufl.as_tensor([[found[k] for k in row] for row in order])
 

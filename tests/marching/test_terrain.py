@@ -1,5 +1,8 @@
 """Rigid bodies of every shape, and solids, on surfaces of triangles: closed ones and terrain."""
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 from surfaces import box, write_stl
@@ -267,3 +270,30 @@ def test_surfaces_that_are_no_terrain_are_refused(tmp_path, run):
         run(_BODIES["box"], mesh(mesh="flat.stl", side="inside"))
     with pytest.raises(SceneError, match="is not closed"):
         run({"mesh": "flat.stl"}, _PLANE)
+
+
+@pytest.mark.parametrize("base", ["free", "fixed"])
+def test_links_of_a_mechanism_feel_no_seams(tmp_path, base):
+    """An arm falls on terrain, or swings down on it, as on a half-space."""
+    uneven(tmp_path / "flat.stl")
+    shutil.copy(Path(impactfem.__file__).parent / "starters" / "arm.urdf", tmp_path)
+    arm = {
+        "kind": "mechanism", "name": "arm", "file": "arm.urdf", "base": base,
+        "position": [0.05, 0.5, -0.1],
+        "orientation": {"axis": [1.0, 0.0, 0.0], "angle": -0.5 * np.pi},
+        "joints": {"shoulder": {"position": 0.5, "velocity": 2.0}, "elbow": {"velocity": 1.0}},
+    }  # fmt: skip
+    found = []
+    for floor in (_PLANE, mesh(mesh="flat.stl")):
+        given = {
+            "title": "arm", "duration": 0.12, "gravity": [0.0, -_G, 0.0], "body": [arm],
+            "obstacle": [floor], "solve": {"dt": 2e-3, "estimate": False}, "output": {"fields": []},
+            "contact": [{"between": ["arm", "floor"], "friction_coefficient": 0.3}],
+        }  # fmt: skip
+        found.append(impactfem.solve(Scene.from_dict(given, base=tmp_path)).history)
+    one, two = found
+    assert one["contact_force"].values.max() > 1.0
+    names = [n for n in one if n.startswith("arm.") or n.endswith(("_energy", "_force"))]
+    for name in names:
+        size = max(1.0, np.abs(one[name].values).max())
+        assert np.abs(one[name].values - two[name].values).max() < 1e-9 * size, name

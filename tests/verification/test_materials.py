@@ -248,3 +248,22 @@ def test_all_ranks_see_the_groups(tmp_path):
     parallel_assert(abs(system.total_mass - 0.625) <= 1e-13)
     parallel_assert(abs(energy - 12.865866567724504) <= 1e-12 * energy)
     parallel_assert(told.least == 0.0625)
+
+
+def test_residual_stress_of_one_material_is_shared_by_all(tmp_path):
+    """Held at both ends: s + E1 e1 = E2 e2 and L1 e1 + L2 e2 = 0, to the order of s / E."""
+    shrunk = {"near": NEAR | {"residual_stress": [1e-6, 0, 0]}, "far": FAR}
+    held = [{"surface": side, "kind": "fixed"} for side in ("left", "right")]
+    made = strip(
+        tmp_path, materials=shrunk, supports=held, duration=0.1, velocity=[0.0, 0.0], strain=None,
+        solve={"dt": 0.1, "method": "conserving"},
+    ).given()  # fmt: skip
+    places = {"near": 0.23, "far": 1.2, "seam": 0.5}
+    made["probe"] = [
+        {"name": name, "body": "strip", "point": [x, 0.1], "quantities": ["displacement", "stress"]}
+        for name, x in places.items()
+    ]
+    history = impactfem.solve(Scene.from_dict(made | {"start": "static", "obstacle": []})).history
+    assert history["seam.ux"].values[0] == pytest.approx(-1e-7, rel=1e-5)
+    for name in ("near", "far"):
+        assert history[f"{name}.sxx"].values[0] == pytest.approx(0.8e-6, rel=1e-5)

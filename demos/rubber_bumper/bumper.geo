@@ -1,0 +1,30 @@
+// Half of the section of a buffer, about the axis x = 0: a steel core with a rubber nose that is
+// bonded to it. Lengths in m.
+SetFactory("OpenCASCADE");
+R = 0.03;      // radius of both
+H = 0.024;     // height of the nose
+r = 0.012;     // of its rounded edge
+Point(1) = {0, 0, 0};
+Point(2) = {R - r, 0, 0};
+Point(3) = {R - r, r, 0};
+Point(4) = {R, r, 0};
+Point(5) = {R, H, 0};
+Point(6) = {R, H + 0.05, 0};
+Point(7) = {0, H + 0.05, 0};
+Point(8) = {0, H, 0};
+Line(1) = {1, 2};
+Circle(2) = {2, 3, 4};
+Line(3) = {4, 5};
+Line(4) = {5, 6};
+Line(5) = {6, 7};
+Line(6) = {7, 8};
+Line(7) = {8, 1};
+Line(8) = {5, 8};
+Curve Loop(1) = {1, 2, 3, 8, 7};
+Curve Loop(2) = {4, 5, 6, -8};
+Plane Surface(1) = {1};
+Plane Surface(2) = {2};
+Physical Surface("rubber") = {1};
+Physical Surface("steel") = {2};
+Physical Curve("nose") = {1, 2, 3};
+Physical Curve("back") = {5};
