@@ -29,7 +29,7 @@ _CORNERS = 16  # of a body that keeps off an obstacle
 _STILL = Signal()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Closing:
     """A gap that may close.
 

@@ -89,6 +89,8 @@ def _first(
         elif a <= 0.0 or (i == 0 and struck):  # it opens first
             low = low + h * _turn(a, b, h * da, h * db)
             if of(low)[0] <= 0.0:
+                if b < a:  # it stays closed: lasting contact, which is an endless row of impacts
+                    return float(times[i])
                 continue
         return _between(of, low, high)
     return None

@@ -29,6 +29,8 @@ _NODES = 4000  # of a refined mesh
 _NOTHING = 1e-9  # of the size of the cost
 _NEAR_ONE = (1e-2, 1e3)  # costs in their size, with which the search may end
 _LONGER = 1e3  # times the longest duration: looked through for the shortest one that can be
+_WITHIN = 100  # iterations through impacts: a search at the edge of its motions creeps on
+_INSIDE = 1e-9  # of the sizes at the start, by which gaps may be closed there
 _REMEDY = "give another guess, more nodes, or bounds of states and controls"
 _REMEDIES = {
     "Invalid_Number_Detected": "a function or its slope is not finite where it begins: give "
@@ -355,6 +357,7 @@ def solved(
             f'transcription: "{transcription}" and pairs do not go together; give both '
             '"contact_implicit" and pairs, or none'
         )
+    most = min(most, _WITHIN) if problem.impacts else most
     search = _Search(problem, row, control == "constant", most)
     begun = time.perf_counter()
     given = {} if isinstance(guess, Transcribed) else guess or {}
@@ -530,11 +533,15 @@ def rolled_out(problem: Problem, guess: Guess, mesh: Floats) -> Guess:
     """A guess whose states follow from its controls, through impacts to whose count it is kept.
 
     Raises:
-        SceneError: Its impacts accumulate, or it cannot be followed.
+        SceneError: It starts inside, its impacts accumulate, or it cannot be followed.
     """
     flow, times, n = Struck(problem), guess.duration * mesh, len(problem.states)
     controls, counts = guess.controls(mesh), np.zeros(len(problem.impacts))
     states = [guess.states(mesh[:1])[0]]
+    gaps = np.asarray(problem.gaps(0.0, states[0], controls[0], guess.parameters)).ravel()
+    if gaps.min() < -_INSIDE * max(np.abs(states[0]).max(), np.abs(gaps).max()):
+        name, worst = problem.impacts[int(gaps.argmin())].name, -gaps.min()
+        raise SceneError(f"start: {worst:.3g} inside ({name}); move it out")
     for k, h in enumerate(np.diff(times)):
         ends = controls[k], controls[k + 1]
         z = np.concatenate([times[k : k + 1], states[-1], *ends, guess.parameters, [h]])

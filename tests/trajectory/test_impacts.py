@@ -254,6 +254,24 @@ class TestScenes:
 
 
 class TestRefused:
+    @pytest.mark.parametrize(
+        ("height", "told"),
+        [(0.08, "start: 0.02 inside .disc on floor"), (0.1, "accumulate in las")],
+    )
+    def test_disc_that_begins_inside_or_at_rest(self, height, told):
+        with pytest.raises(SceneError, match=told):
+            trajectory(Scene.from_dict({
+                "title": "disc", "duration": 0.5, "gravity": [0.0, -G],
+                "body": [{"kind": "rigid", "name": "disc", "mass": 2.0, "force": ["0", "0"],
+                          "shape": {"kind": "disc", "radius": 0.1, "center": [0.0, height]}}],
+                "obstacle": [{"kind": "half_space", "name": "floor", "point": [0.0, 0.0],
+                              "normal": [0.0, 1.0]}],
+                "contact": [{"between": ["disc", "floor"], "restitution": 0.8}],
+                "control": [{"name": "push", "acts": "body.disc.force.x", "kind": "linear"}],
+                "trajectory": {"transcription": "single_shooting", "nodes": 2,
+                               "end": {"disc.x": 1.0}},
+            }))  # fmt: skip
+
     def test_collocation(self):
         with pytest.raises(SceneError, match="does not go through impacts"):
             impactfem.transcribe(lambda _t, x, _u: [x[1], -G], states=["y", "v"], duration=1.0,
