@@ -340,3 +340,26 @@ def test_what_is_told():
         sliding(0.1, kp=10.0, sample=0.01, delay=0.027)
     ))  # fmt: skip
     assert any("held over them" in text for text in texts(sliding(0.1, kind="pid", kp=1.0, ki=1.0)))
+
+
+@pytest.mark.slow
+def test_a_traction_of_the_impedance_takes_a_plane_wave():
+    """u = rho c (0 - v) on the face of a strip that flies: 1 % of its energy after 2 L/c."""
+    rho, modulus, nu, size = 7800.0, 210e9, 0.3, 0.0025
+    speed = np.sqrt(modulus * (1 - nu) / ((1 + nu) * (1 - 2 * nu) * rho))
+    body = {
+        "kind": "solid", "name": "strip", "model": "plane_strain", "density": rho,
+        "shape": {"kind": "block", "size": [0.1, 2 * size], "corner": [0.0, 0.0]},
+        "mesh_size": size, "youngs_modulus": modulus, "poisson_ratio": nu, "velocity": [1.0, 0.0],
+        "supports": [{"surface": side, "kind": "symmetry"} for side in ("bottom", "top")],
+        "tractions": [{"surface": "right", "value": ["0", "0"]}],
+    }  # fmt: skip
+    damper = {"name": "damper", "kind": "p", "acts": "body.strip.tractions.0.value.x",
+              "of": "end.vx", "kp": rho * speed}  # fmt: skip
+    history = impactfem.solve(Scene.from_dict({
+        "title": "strip", "duration": 2.05 * 0.1 / speed, "body": [body], "controller": [damper],
+        "probe": [{"name": "end", "body": "strip", "point": [0.1, size]}],
+        "solve": {"method": "explicit", "courant": 0.2, "estimate": False},
+    })).history  # fmt: skip
+    energy = history["kinetic_energy"].values + history["elastic_energy"].values
+    assert energy[-1] < 0.01 * energy[0]
