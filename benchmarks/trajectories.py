@@ -129,8 +129,10 @@ def drawn(points: list[Point]) -> None:
         seconds, style = [point.seconds for point in mine], "--" if way == "Crocoddyl" else "-"
         left.loglog(seconds, [abs(off(p)) for p in mine], f"o{style}", label=way)
         right.loglog(seconds, [p.end for p in mine], f"o{style}", label=way)
-    for axes, what in ((left, "cost less that of its motion"), (right, "end error, share of the way")):
-        axes.set(xlabel="time of the search [s]", ylabel=what)
+    left.set_ylabel("cost less that of its motion")
+    right.set_ylabel("end error, share of the way")
+    for axes in (left, right):
+        axes.set_xlabel("time of the search [s]")
         axes.grid(visible=True, which="major", alpha=0.3)
     left.legend(fontsize=8)
     figure.savefig(IMAGES / "transcriptions.png", dpi=110)
