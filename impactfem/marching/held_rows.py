@@ -40,6 +40,16 @@ class HeldByRows[B: Coordinates]:
         return values.reshape(*values.shape[:-1], -1, 6)
 
     @property
+    def steady_answer(self) -> Floats | None:
+        """None: it may turn."""
+        return None
+
+    @property
+    def steady_answer_ahead(self) -> Floats:
+        """Nor this."""
+        raise NotImplementedError
+
+    @property
     def freedoms(self) -> Floats:
         """None: see `compliance`."""
         return np.zeros((len(self._rows) // 6, 3, 3))
@@ -136,6 +146,8 @@ class HeldLumped(HeldByRows[Linear]):
         self._rest = by.joined_coordinates.copy()
         self._wrench = np.zeros(6 * count)
         self._reach: Floats | None = None
+        self._reach_ahead: Floats | None = None
+        self._flat_ahead = np.zeros((0, 0))
         self.renew()
         moved, turned = np.diag(self._flat).reshape(count, 2, 3).sum(axis=(0, 2))
         # By which spins are compared with speeds [m].
@@ -148,11 +160,22 @@ class HeldLumped(HeldByRows[Linear]):
             self._reach, self._flat = reach, self._rows @ reach @ self._rows.T
 
     @property
+    def steady_answer(self) -> Floats | None:
+        """See `Held`."""
+        return None if np.any(self.part.volatile) else self._flat
+
+    @property
+    def steady_answer_ahead(self) -> Floats:
+        """See `Held`."""
+        return self.compliance_ahead.reshape(self._flat.shape)
+
+    @property
     def compliance_ahead(self) -> Floats:
         """At its end."""
-        count = len(self._places)
-        flat = self._rows @ self.by.reach_ahead @ self._rows.T
-        return np.asarray(flat.reshape(count, 6, count, 6))
+        count, reach = len(self._places), self.by.reach_ahead
+        if reach is not self._reach_ahead:
+            self._reach_ahead, self._flat_ahead = reach, self._rows @ reach @ self._rows.T
+        return self._flat_ahead.reshape(count, 6, count, 6)
 
     def set_out(self, start: float, end: float) -> None:
         """Take up a step."""

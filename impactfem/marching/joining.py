@@ -9,7 +9,7 @@ beyond one at the end of a step and would go on outwards, its rate turns to -e t
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from impactfem.marching.meshless import step_length
 from impactfem.marching.rigid_sums import applied
 from impactfem.marching.rubbing import crossed
 from impactfem.marching.stations import Held, Motion
+from impactfem.marching.steady_rows import SteadyRows
 from impactfem.result.history import LOST
 from impactfem.scene.ties import TieRows
 from impactfem.system.joint_kernels import (
@@ -40,6 +41,7 @@ from impactfem.system.joints import Joints
 from impactfem.system.stations import couples
 
 _MOST = 50  # looks for forces by formula, and for what slips, stops or lets go in a layer
+_TWO = 2.0  # of which half counts, where rates and not ways of a step are asked for
 _ROUNDING = 64.0 * float(np.finfo(float).eps)  # of places in a row
 
 
@@ -91,6 +93,12 @@ class Joining[P: Stepper](Bodies[P]):
         # Whether rows act along lines that stay, by laws that do.
         turn = (terms.kinds != POINT).any() or terms.arms.any()
         self._same = not (turn or self._leads or self._states_change(joints))
+        # Where they do, and bodies answer alike in all layers, one factor is that of all.
+        steady = self._same and not joints.redundant and joints.count > 0
+        answers = [body.steady_answer for body in held]
+        self._steady = steady and all(answer is not None for answer in answers)
+        self._kept: SteadyRows | None = None
+        self._kept_ahead: SteadyRows | None = None
         reach = joints.extent or 1.0
         # Places round by the lengths that make them, cosines and angles do not.
         rounds = np.where(np.isin(terms.kinds, (DOT, ANGLE)), 1.0, reach)
@@ -109,6 +117,41 @@ class Joining[P: Stepper](Bodies[P]):
         """Take laws of the rows by which contact that is asked for before a layer is answered."""
         self._laws = self._states.laws(self._coordinates(self._terms), self._rates)
         self._reaction = None
+
+    def _join_steadily(self) -> bool:
+        """Solve the layer by the factor that is kept; whether rows are independent."""
+        joints, dt = self._joints, self.span
+        flats = [cast("Floats", body.steady_answer) for body in self._held]
+        if self._kept is None or not self._kept.stays(dt, flats):
+            self._kept, self._reaction = SteadyRows(joints, self._gradient, dt, flats), None
+        places, turns = self._starts()
+        still = joints.ground.still
+        rates = _stacked([(still, still), *(body.rates for body in self._held)])
+        given = _stacked([(still, still), *(body.impulses() for body in self._held)])
+        begun = self._coordinates(self._terms)
+        laws = self._states.laws(begun, self._rates)
+        # Spins do not move these rows, whatever axes they are told along.
+        ways = np.hstack([2.0 * one + other for one, other in zip(rates, given, strict=True)])
+        free = begun + 0.5 * dt * self._kept.rates(ways) - joints.wanted(self._end)[0]
+        try:
+            self._acting = self._kept.solve(free, laws)
+        except np.linalg.LinAlgError:
+            return False
+        if not np.array_equal(laws[:, :2], self._laws[:, :2]):
+            self._reaction = None
+        self._laws, pushes = laws, self._wrenches(self._acting)
+        moved, none = np.hstack(rates), np.zeros((len(places), 3))
+        for flat, own in zip(flats, self._at, strict=True):
+            moved[own] += np.hstack(given)[own] + (flat @ pushes[own].ravel()).reshape(-1, 6)
+        speeds, spins = moved[:, :3], moved[:, 3:]
+        ahead = places + 0.5 * dt * (rates[0] + speeds)
+        self._ends, self._middles = joints.values_at(ahead, turns, self._terms), turns
+        self._drawn = 0.0
+        frees = np.zeros((len(places), 3, 3))
+        moving = speeds, spins, none, turns, turns, frees, pushes
+        for body, at in zip(self._held, self._at, strict=True):
+            body.take(Motion(False, self._rounding / dt, *(each[at] for each in moving)))
+        return True
 
     @staticmethod
     def _states_change(joints: Joints) -> bool:
@@ -161,6 +204,10 @@ class Joining[P: Stepper](Bodies[P]):
 
     def _join(self) -> None:
         """Solve the layer of the bodies that joints hold, with what has pushed so far."""
+        if self._steady:
+            self._steady = self._join_steadily()
+            if self._steady:
+                return
         joints, terms, dt = self._joints, self._joints.terms, self.span
         start, still = self._starts(), joints.ground.still
         led = (joints.ground.at(self._end)[0] - start[0][: self._led]) / dt
@@ -320,22 +367,39 @@ class Joining[P: Stepper](Bodies[P]):
         now = at_gradients(terms.kinds, terms.bodies, terms.arms, terms.axes, places, turns, at)
         weighed = np.asarray(now * terms.shares[:, None, None])
         twists = np.concatenate([led, *(body.rates_ahead for body in self._held)])
-        free = turns @ joints.masses[2] @ turns.swapaxes(1, 2)
-        elastic = couples([body.compliance_ahead for body in self._held], self._led)
-        matrix = self._moving(weighed, free, elastic)
         wanted = joints.wanted(self._end)[1]
         rates = -wanted
         np.add.at(rates, terms.rows, np.einsum("tsk,tsk->t", weighed, twists[terms.bodies]))
-        acting = np.zeros(joints.count)
-        inner = matrix[np.ix_(holding, holding)]
-        redundant = bool(joints.redundant)
-        acting[holding] = -least(inner, rates[holding], sizes_of(inner), redundant=redundant)
+        acting = self._leave_steadily(rates) if self._steady else None
+        if acting is None:
+            free = turns @ joints.masses[2] @ turns.swapaxes(1, 2)
+            elastic = couples([body.compliance_ahead for body in self._held], self._led)
+            matrix = self._moving(weighed, free, elastic)
+            acting = np.zeros(joints.count)
+            inner = matrix[np.ix_(holding, holding)]
+            redundant = bool(joints.redundant)
+            acting[holding] = -least(inner, rates[holding], sizes_of(inner), redundant=redundant)
         pushes = np.zeros_like(twists)
         np.add.at(pushes, terms.bodies, acting[terms.rows, None, None] * weighed)
         for body, own in zip(self._held, self._at, strict=True):
             body.leave(pushes[own])
         led_away = float((pushes[: self._led] * led).sum())
         self._drawn += float(acting @ (wanted + share * rates)) - led_away
+
+    def _leave_steadily(self, rates: Floats) -> Floats | None:
+        """Impulses by which rates (rows,) at the end of a layer keep to the joints, (rows,).
+
+        None where some rows follow from others.
+        """
+        answers = [body.steady_answer_ahead for body in self._held]
+        if self._kept_ahead is None or not self._kept_ahead.stays(_TWO, answers):
+            self._kept_ahead = SteadyRows(self._joints, self._gradient, _TWO, answers)
+        hard = np.zeros(self._joints.count)
+        hard[self._states.hard] = 1.0
+        try:
+            return self._kept_ahead.solve(rates, np.column_stack([hard, 1.0 - hard, 0.0 * hard]))
+        except np.linalg.LinAlgError:
+            return None
 
     def _show(self, terms: Floats) -> None:
         """Rates of the rows now, and what columns of joints show."""

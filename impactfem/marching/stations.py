@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from impactfem.arrays import Floats
+from impactfem.arrays import Booleans, Floats
 from impactfem.marching.rigid_sums import applied, on_bodies
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ class Counting(Protocol):
     """
 
     counts: bool
+    volatile: Booleans
 
     def look(self) -> None:
         """See where contact nodes are as the step is solved now, and how forces act on them."""
@@ -83,6 +84,17 @@ class Held(Protocol):
     @property
     def rates_ahead(self) -> Floats:
         """Velocities and spins in space at its end, (stations, 6)."""
+
+    @property
+    def steady_answer(self) -> Floats | None:
+        """Rates of stations by unit impulses on them, the same in all layers of one length.
+
+        Shape (6 stations, 6 stations); None if it changes.
+        """
+
+    @property
+    def steady_answer_ahead(self) -> Floats:
+        """The same at the end of a layer, by impulses that leave no time for anything else."""
 
     @property
     def freedoms(self) -> Floats:
@@ -148,7 +160,13 @@ class HeldRigid:
     def __init__(self, part: "RigidBodies") -> None:
         """Hold them."""
         self.jumped, self.part, self._light = False, part, 1.0 / part.masses[:, None]
+        self.steady_answer = None  # they turn
         self.compliance = self.compliance_ahead = np.zeros((len(self._light), 0))
+
+    @property
+    def steady_answer_ahead(self) -> Floats:
+        """Nor this does not."""
+        raise NotImplementedError
 
     def set_out(self, start: float, end: float) -> None:
         """Take up a step."""

@@ -207,3 +207,19 @@ def test_ranks_agree(monkeypatch):
 def test_bad_ties_are_refused(between, change, words):
     with pytest.raises(SceneError, match=words):
         plan(scene(two(), 1e-3, 1e-4, between, **change))
+
+
+def test_rows_that_stay_are_solved_by_one_factor(monkeypatch):
+    """As by the step that looks anew at all of them, in flight, at impacts and in contact."""
+    from impactfem.marching.held_rows import HeldLumped
+
+    given = scene(
+        two(velocity=["0", "-1"]), 4e-3, 1e-4, obstacle=[FLOOR], gravity=[0.0, -9.81]
+    )  # fmt: skip
+    found = solve(given).history
+    monkeypatch.setattr(HeldLumped, "steady_answer", None)
+    whole = solve(given).history
+    for name in ("a.y", "b.vy", "contact_force", "force.glue", "elastic_energy"):
+        size = np.abs(whole[name].values).max()
+        assert found[name].values == pytest.approx(whole[name].values, abs=1e-11 * size)
+    assert found["contact_force"].values.max() > 0.0
