@@ -34,6 +34,7 @@ class FiniteTipped(FiniteMidpoint):
     Attributes:
         body: Itself, as joints name what they hold.
         counts: Whether this rank adds up what the joints of its tips store.
+        volatile: True.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class FiniteTipped(FiniteMidpoint):
         """
         super().__init__(system, solid, surface, transfer, dt, linear_solver)
         self.body, self.counts = self, system.comm.rank == 0
+        self.volatile = np.ones(surface.count + 1, dtype=bool)  # its answers change with it
         self._nodes, self._tips, self._far = nodes, FollowedTips(stations, system.dim), False
         self._places = nodes.gather(system.positions.ravel()).ravel()
         self._rows = self._tips.rows(self._places)
