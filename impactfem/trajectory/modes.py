@@ -128,27 +128,23 @@ class Forces:
     def __init__(self, known: Symbolic, gaps: Sequence[Closing], closed: frozenset[int]) -> None:
         casadi, tree = loaded(), known.tree
         self.known, self.places = known, sorted(closed)
-        rows, self.normal, self.cones = (
-            list[Any](),
-            list[int](),
-            list[tuple[int, list[int], float]](),
-        )
+        speeds, self.normal = list[Any](), list[int]()
+        self.cones: list[tuple[int, list[int], float]] = []
         rubbed: dict[str, tuple[int, list[int]]] = {}
         for k in self.places:
             gap = gaps[k]
-            self.normal.append(len(rows))
-            rows.append(casadi.jacobian(gap.gap, tree.q))
+            self.normal.append(len(speeds))
+            opens = casadi.jtimes(gap.gap, tree.q, tree.v)
+            speeds.append(opens + casadi.jacobian(casadi.SX(gap.gap), tree.t))
             if gap.friction:
                 if gap.name not in rubbed:  # one tangent of a face: more say the same
-                    rows.append(casadi.jacobian(gap.slip, tree.v))
-                    rubbed[gap.name] = len(rows) - 1, []
+                    speeds.append(gap.slip)
+                    rubbed[gap.name] = len(speeds) - 1, []
                     self.cones.append((*rubbed[gap.name], gap.friction))
                 rubbed[gap.name][1].append(self.normal[-1])
         self.turned = [gaps[k].restitution for k in self.places]
-        self.rows = casadi.vertcat(casadi.SX(0, tree.v.numel()), *rows)
-        self.moves = casadi.vertcat(*(
-            casadi.jacobian(casadi.SX(gaps[k].moved), tree.t) for k in self.places
-        )) if self.places else casadi.SX(0, 1)  # fmt: skip
+        self.speeds = casadi.vertcat(casadi.SX(0, 1), *speeds)
+        self.rows = casadi.jacobian(self.speeds, tree.v)
 
     def lasting(self) -> tuple[Any, Any]:
         """V' and forces along rows, while they stay closed."""
@@ -156,7 +152,7 @@ class Forces:
         free = self.known.rate
         if not self.places:
             return free, casadi.SX(0, 1)
-        speeds = self.rows @ tree.v
+        speeds = self.speeds
         drift = casadi.jtimes(speeds, tree.q, tree.v) + casadi.jacobian(speeds, tree.t)
         back = tree.solved(self.rows.T)
         push = _small(self.rows @ back, -(self.rows @ free + drift))
@@ -167,7 +163,7 @@ class Forces:
         casadi, tree = loaded(), self.known.tree
         if not self.places:
             return tree.v, casadi.SX(0, 1)
-        speeds = self.rows @ tree.v
+        speeds = self.speeds
         wanted = -speeds
         if rebounds:
             for row, e in zip(self.normal, self.turned, strict=True):

@@ -113,7 +113,8 @@ def _why_none(planned: Planned) -> str:
     found = planned.found
     if found.status != "converged":
         return "nothing was found"
-    if found.transcription in TOUCHING and not planned.unseen:
+    by_events = found.transcription in TOUCHING and found.follower == "event_driven"
+    if by_events and not planned.unseen:
         return _follows(planned)
     moved = _moved(planned)
     return f"it starts with another {moved} than the scene" if moved else ""

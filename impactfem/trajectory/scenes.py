@@ -105,7 +105,11 @@ def trajectory(scene: Scene | str | Path) -> Planned:
             control=_course(scene), most=wanted.max_iterations,
         )  # fmt: skip
         fine = by_events(known, asked.struck, found, _FINE) if asked.struck else found.follow(_FINE)
-        if asked.struck:
+        # What sticks at the edge of its cone may stall events; a run of the scene tells then.
+        stalls = problem.pairs is not None and not np.isfinite(fine[1]).all()
+        if stalls:
+            fine = found.follow(_FINE)
+        elif asked.struck:
             found = found.with_followed("event_driven", fine[1][::_FINE])
     casadi, tree = loaded(), known.tree
     columns = casadi.Function(

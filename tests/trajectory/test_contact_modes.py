@@ -87,6 +87,33 @@ class TestPhases:
         assert found.summary["true_order"] == ["flight", "ball.floor", "flight"]
         assert found.resimulated_distance < 1e-8
 
+    def test_wheel_rolls(self):
+        """By a moment, with the inertia of m + I/R^2: J = 12 (R (m + I/R^2))^2."""
+        tables = ball(lasts=1.0, friction=0.8, transcription="hybrid", modes=["stance"], nodes=2)
+        shape = {"kind": "disc", "radius": 0.2, "center": [0.0, 0.2]}
+        tables["body"] = [{"kind": "rigid", "name": "ball", "mass": 2.0, "inertia": 0.04,
+                           "shape": shape, "moment": ["0"]}]  # fmt: skip
+        tables["control"][0]["acts"] = "body.ball.moment.0"
+        found = planned(tables).found
+        assert found.doubts == ()
+        assert found.cost == pytest.approx(12.0 * (0.2 * 3.0) ** 2, rel=1e-9)
+        assert found.resimulated_distance < 1e-8
+
+    @pytest.mark.parametrize(
+        ("modes", "restitution", "floor"),
+        [(["stance"], 0.0, "0.1*t**2"),
+         (["flight", "ball.floor", "flight"], 0.8, "0.05*sin(10*t)")],
+    )  # fmt: skip
+    def test_floor_that_moves(self, modes, restitution, floor):
+        """It lifts what stands on it, and throws what bounces: what follows is the same."""
+        tables = ball(transcription="hybrid", modes=modes, nodes=4, duration=[0.1, 1.0], lasts=1.0,
+                      restitution=restitution, height=0.2 if restitution else 0.0,
+                      end={"ball.x": 1.0, "ball.vy": 0.0 if restitution else "free"})  # fmt: skip
+        tables["obstacle"][0]["motion"] = ["0", floor]
+        found = planned(tables).found
+        assert found.doubts == ()
+        assert found.resimulated_distance < 1e-8
+
     def test_jump_from_a_stand(self):
         """A foot of .1 kg below a body of 1 kg leaves the floor once, and what follows agrees."""
         found = planned(hopper(["stance", "flight"], 200.0, nodes=8)).found
