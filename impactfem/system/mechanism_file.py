@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from impactfem.reading.apart import ApartError, apart
+from impactfem.reading.robot_xml import Defaults
 from impactfem.scene import Block, Capsule, Hull, Mechanism, Sphere
 from impactfem.scene.rigid_forms import Form, form_of, hull_corners
 from impactfem.scene.rigid_keys import rotation
@@ -73,6 +74,9 @@ with open(target, "wb") as file:
 """
 
 
+_ENDLESS = 1e30  # what files without limits become
+
+
 class Robot(NamedTuple):
     """A mechanism as its file has it.
 
@@ -115,6 +119,7 @@ def read_mechanism(body: Mechanism, folder: Path | None) -> Robot:
             word += 'give box, sphere, cylinder, mesh, or with <robot version="1.2"> capsule'
             file.leave(word, missing)
     _check_inertias(body, model)
+    _limit_slides(model, root)
     there = pin.SE3(rotation(body.quaternion), np.asarray(body.position, dtype=float))
     _move_base(pin, model, given, there)
     _free_base(pin, model, file.spherical)
@@ -152,6 +157,24 @@ def _read(
                 text = text.replace(f"{Path(folder, name)}", given)
             raise ApartError(text) from None
         return target.read_bytes()
+
+
+def _limit_slides(model: Any, root: Any) -> None:
+    """Limits of joints that slide as an MJCF file has them: Pinocchio turns metres into radians.
+
+    It does where angles are degrees, as they are by default; MuJoCo means metres anyhow.
+    """
+    known = Defaults(root)
+    for joint in root.iter("joint") if root.tag == "mujoco" else ():
+        given = known.of(joint)
+        name, ends = given.get("name", ""), given.get("range", "").split()
+        if given.get("type") != "slide" or len(ends) != 2 or not model.existJointName(name):
+            continue
+        first = model.idx_qs[model.getJointId(name)]
+        for limits, end in zip((model.lowerPositionLimit, model.upperPositionLimit), ends,
+                               strict=True):  # fmt: skip
+            if abs(limits[first]) < _ENDLESS:
+                limits[first] = float(end)
 
 
 def _move_base(pin: Any, model: Any, shapes: list[dict[str, Any]], there: Any) -> None:

@@ -9,6 +9,7 @@ pytest.importorskip("pinocchio")
 
 import impactfem
 from impactfem import Scene, SceneError
+from impactfem.system.mechanism_file import read_mechanism
 
 G = 9.81
 CART = """
@@ -304,3 +305,17 @@ def test_hostile_and_contradictory_files_are_refused(tmp_path, old, new, said):
 def test_keys_of_joints_that_contradict_are_refused(tmp_path, joint, said):
     with pytest.raises(SceneError, match=said):
         impactfem.plan(scene(tmp_path, TWO.format(""), joints={"two": joint}))
+
+
+@pytest.mark.parametrize("angle", ["radian", "degree"])
+def test_slides_end_at_metres(tmp_path, angle):
+    """MuJoCo's degrees are of joints that turn only; also where a class gives the range."""
+    text = f"""<mujoco><compiler angle="{angle}"/>
+      <default><default class="far"><joint range="-3 2.5" limited="true"/></default></default>
+      <worldbody><body name="cart"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+      <joint class="far" name="slider" type="slide" axis="1 0 0"/>
+      <body name="pole"><inertial pos="0 0 -0.5" mass="0.4" diaginertia="0.03 0.03 0.01"/>
+      <joint name="free" type="slide" axis="0 1 0"/></body></body></worldbody></mujoco>"""
+    made = scene(tmp_path, text, "cart.xml")
+    tree = read_mechanism(made.bodies[0], made.folder).tree
+    assert [ends.tolist() for ends in tree.limits()] == [[-3.0, -np.inf], [2.5, np.inf]]
