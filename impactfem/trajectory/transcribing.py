@@ -24,6 +24,7 @@ _JUDGED = 1e-3  # defect that is allowed where no mesh is refined
 _ROUNDS = 12  # of refinement
 _PIECES = 4  # an interval is cut into at most
 _RELAXED = tuple(10.0**-k for k in range(8))  # eps, one after the other
+_NEARLY = 5  # of these on finer meshes
 _TIGHT = 1e-4  # of which nothing is seen beside steps of first order
 _NODES = 4000  # of a refined mesh
 _NOTHING = 1e-9  # of the size of the cost
@@ -412,6 +413,7 @@ class _Search:
             mesh = cut(mesh, defects, refine, self.row.order)
             if len(mesh) > _NODES:
                 break
+            self.relaxed = self.relaxed[-_NEARLY:]  # it begins next to the answer
             finer = self.solved(mesh, Guess.of(found.motion, guess.counts))
             if finer.answer.status != "converged":
                 break

@@ -64,6 +64,13 @@ class TestComplementarity:
         assert scene.follower == "event_driven"
         assert scene.resimulated_end_error < 1e-4
 
+    def test_mesh_is_refined_next_to_the_answer(self):
+        found = planned(ball(friction=MU, transcription="contact_implicit", nodes=8, refine=0.03,
+                             end={"ball.x": 1.0})).found  # fmt: skip
+        assert found.doubts == ()
+        assert found.rounds[0] == 8 < found.nodes
+        assert found.defect_max <= 0.03
+
     def test_what_lands_stays(self):
         """A ball that falls onto the floor without rebound, moved along it: J = 12 d^2/T^3."""
         found = planned(ball(height=0.2, lasts=1.0, transcription="contact_implicit", nodes=20,
