@@ -52,7 +52,7 @@ class Contact:
         ListOf(SideName(), at_least=2),
         "names of two bodies, or of a body and an obstacle; a surface of a solid as ball/skin; "
         "patterns, as grain_* and *, stand for all pairs that they match and no other law names; "
-        "twice the same solid, of finite strain, where it may meet itself",
+        "twice the same solid where it may meet itself",
     )
     restitution: float = key(
         Real(at_least=0),

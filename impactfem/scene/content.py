@@ -21,7 +21,7 @@ from impactfem.scene.given import Given
 from impactfem.scene.inverse import MAX_MEASURES, MAX_PARAMETERS, Measure, Objective, Parameter
 from impactfem.scene.joints import Joint
 from impactfem.scene.kinds import Choice, Line, Real
-from impactfem.scene.laws import Laws
+from impactfem.scene.laws import Laws, side_of
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
 from impactfem.scene.masses import PointMass
 from impactfem.scene.mechanism import Mechanism
@@ -313,7 +313,15 @@ class Content:
     def iterated(self) -> str:
         """Why steps are solved by iterates: the first body that asks for it, in words; or empty."""
         each = (f"{body.name} {body.why_iterated}" for body in self.bodies if body.why_iterated)
-        return next(each, "")
+        return next(each, f"{self._into_itself} meets itself" if self._into_itself else "")
+
+    @cached_property
+    def _into_itself(self) -> str:
+        """Name of the first body that meets itself; empty if none does."""
+        if not any(body.meets_itself for body in self.bodies):
+            return ""
+        each = ({side_of(name)[0] for name in law.between} for law in self.laws.each)
+        return next((sides.pop() for sides in each if len(sides) == 1), "")
 
     @property
     def marches(self) -> bool:

@@ -22,7 +22,7 @@ def check_finite(scene: Content) -> None:
     _check_settings(scene, why)
     method = scene.solve.method
     if method is not None and METHODS[method].stable == "limited":
-        _check_explicit(scene)
+        _check_explicit(scene, why)
 
 
 def check_relaxing(scene: Content) -> None:
@@ -54,7 +54,7 @@ def _check_settings(scene: Content, why: str) -> None:
         raise KeyedError("solve", "active_set", text)
 
 
-def _check_explicit(scene: Content) -> None:
+def _check_explicit(scene: Content, why: str) -> None:
     """Refuse what explicit steps under finite strain do not do.
 
     Raises:
@@ -66,8 +66,12 @@ def _check_explicit(scene: Content) -> None:
     solids = {solid.name for solid in scene.solids}
     for place, body in enumerate(scene.bodies):
         if body.name in solids - finite:
-            text = f' = "small" of {body.name}: beside explicit steps under finite strain all '
-            text += f'solids have it: give strain = "finite", {conserving}'
+            text = f' = "small" of {body.name}: '
+            if finite:
+                text += "beside explicit steps under finite strain all solids have it"
+            else:
+                text += f"explicit steps follow who meets whom under finite strain, and {why}"
+            text += f': give strain = "finite", {conserving}'
             raise KeyedError(f"body[{place}]", "strain", text)
     for place, contact in enumerate(scene.contacts):
         if not solids & {side_of(entry)[0] for entry in contact.between}:

@@ -126,7 +126,7 @@ def check_itself(scene: Content) -> None:
         shown = f" = {show(list(contact.between))}: {one} cannot meet itself"
         body = next((body for body in scene.bodies if body.name == one), None)
         if body is None or not body.meets_itself:
-            text = f'{shown}; name two, or give a solid with strain = "finite".'
+            text = f"{shown}; name two, or give a solid."
             raise KeyedError(f"contact[{index}]", "between", text)
 
 

@@ -426,8 +426,8 @@ class Solid(BodyKind):
 
     @property
     def meets_itself(self) -> bool:
-        """Whether it may bend into itself: the plan takes finite strain where none is said."""
-        return self.is_finite or self.strain is None
+        """Whether it may bend into itself."""
+        return True
 
     @property
     def keeps_volume(self) -> bool:
