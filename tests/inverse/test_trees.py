@@ -75,6 +75,29 @@ class TestClosedForms:
         assert left["push"][0] == pytest.approx(-0.5 * 0.3**2 / ABOUT, rel=1e-6)
         assert left["room"][0] == pytest.approx(1.0, rel=1e-6)
 
+    def test_point_that_slides_off_a_disc(self):
+        """It leaves where cos = c = (v^2 + 2 g R)/(3 g R), and has sqrt(g R c) c across."""
+        tables = {
+            "title": "hill", "duration": 1.2, "gravity": [0.0, -9.81],
+            "body": [
+                {"kind": "point", "name": "p", "mass": 1.0, "position": [0.0, 1.0],
+                 "velocity": [0.8, 0.0]},
+                {"kind": "rigid", "name": "hill", "mass": 1.0,
+                 "shape": {"kind": "disc", "radius": 1.0, "center": [0.0, 0.0]}},
+            ],
+            "joint": [{"name": "held", "kind": "fixed", "between": ["ground", "hill"],
+                       "point": [0.0, 0.0]}],
+            "contact": [{"between": ["p", "hill"]}],
+            "parameter": [{"name": "v", "key": "body.p.velocity.0"}],
+            "measure": [{"name": "across", "of": "p.vx", "at": 1.2}],
+            "objective": {"minimise": [{"term": "value", "of": "across"}]},
+        }  # fmt: skip
+        found, slope = slopes(tables, ("v",))
+        c = (0.8**2 + 2.0 * 9.81) / (3.0 * 9.81)
+        assert found.objective == pytest.approx(np.sqrt(9.81 * c) * c, rel=1e-8)
+        bend = 2.0 * 0.8 / (3.0 * 9.81)
+        assert slope == pytest.approx([1.5 * np.sqrt(9.81 * c) * bend], rel=1e-6)
+
     def test_discs_that_rub_as_they_collide(self):
         """Slipping: the impulse across is the share mu of that along, n turns with the places."""
 
