@@ -66,7 +66,7 @@ class Kept:
         """Keep a level."""
         self.trail(level)
         dt = self.trail.march.interior.dt
-        if (np.abs(self.times - level.time) < 1.001 * dt).any():
+        if (np.abs(self.times - level.time) < 2.001 * dt).any():
             self.states[level.layer] = level.displacement.copy(), level.velocity.copy()
 
 
@@ -220,7 +220,9 @@ class Adjoints:
         pushed = np.einsum("nkd,kd->nk", weights.loads, forces)
         pushed, began = (self._comm.allreduce(np.ascontiguousarray(a)) for a in (pushed, began))
         met = np.einsum("nkg,kg->n", weights.gap, np.broadcast_to(start.gap, weights.gap.shape[1:]))
-        return [Local(pushed, {"t": (begin, end)}), Local(began, {}), Local(met, {})]
+        # Of each number by itself: what rounds in one may be all of another.
+        found = [Local(own, {"t": (begin, end)}) for own in pushed]
+        return [*found, *(Local(own, {}) for own in np.concatenate([began, met])[:, None])]
 
     def _spans(self, begin: Floats) -> tuple[Floats, Floats]:
         """Times whose mean acts in layers that begin at some times [s]."""
@@ -400,9 +402,72 @@ class _Numbers:
             return partial(self._gap, pair)
         if name == "contact_force":
             return partial(self._force, None)
-        if name in {"kinetic_energy", "elastic_energy"} and not self._march.skips:
+        if name in {"kinetic_energy", "elastic_energy"}:
             return partial(self._energy, name.partition("_")[0])
-        return None
+        return self._probe(*name.rpartition(".")[::2])
+
+    def _probe(self, name: str, of: str) -> Part | None:
+        """What a column of a probe reads: displacement, stress, velocity, acceleration."""
+        probes = self._ready.seen.probes
+        if name in probes.laws:
+            return None
+        if of in {"ax", "ay", "az"} and (part := self._probe(name, f"v{of[1]}")) is not None:
+            filters = {probe.name: probe.filter for probe in self._scene.probes}
+            return None if filters[name] else partial(self._change, part)
+        known = probes.names[: probes.weights.shape[0]]
+        if (name, of) not in known:
+            return None
+        row = probes.weights[[known.index((name, of))]].toarray()[0]
+        cuts = np.cumsum([len(each) for each in probes.needed])
+        moved, moving = np.zeros((2, self._own[-1].stop))
+        np.add.at(moved, probes.needed[0], row[: cuts[0]])
+        np.add.at(moving, probes.needed[1], row[cuts[0] : cuts[1]])
+        np.add.at(moved, probes.needed[2], row[cuts[1] :])
+        return partial(self._nodes, moved, moving)
+
+    def _change(self, part: Part, row: int, weight: float) -> None:
+        """What a part changes by in the step before a row, as a rate."""
+        row = max(row, 1)
+        part(row, weight / self._dt)
+        part(row - 1, -weight / self._dt)
+
+    def _nodes(self, moved: Floats, moving: Floats, level: int, weight: float) -> None:
+        """Displacements and velocities of nodes, by weights of all owned dofs, (dofs,) each.
+
+        Contact nodes go from where they are in equilibrium to where they are so at the next level.
+        """
+        place, contact, multiplier = self._pressed(weight * moved)
+        rate, going = weight * moving, self._gathered(weight / self._dt * moving)
+        if self._march.skips:
+            rate = rate / self._dt
+
+        def add(reading: Reading) -> None:
+            reading.place += place
+            reading.rate += rate
+            reading.contact += contact
+            reading.multiplier += multiplier
+
+        self._put(level, add)
+        if level and self._going(moving):
+            self._put(level, lambda r: _add(r.contact, going))
+            self._put(level - 1, lambda r: _add(r.contact, -going))
+
+    def _going(self, moving: Floats) -> bool:
+        return bool(self._gathered(np.abs(moving)).any())
+
+    def _gathered(self, values: Floats) -> Floats:
+        """Of owned dofs those of contact nodes, (count, dim) (collective)."""
+        surfaces = (self._ready.seen.model.surface(k) for k in range(len(self._inner)))
+        each = zip(surfaces, self._own, strict=True)
+        return np.concatenate([surface.gather(values[own]) for surface, own in each])
+
+    def _pressed(self, place: Floats) -> tuple[Floats, Floats, Floats]:
+        """Of derivatives by displacements, contact included, those by its parts (collective).
+
+        Returns:
+            By owned dofs, by contact nodes in equilibrium, by the multipliers that press these.
+        """
+        return place, *self._pressed_by(self._gathered(place))
 
     def _place(self, body: int, axis: int, level: int, weight: float) -> None:
         """Of the centre of a body."""
@@ -487,32 +552,71 @@ class _Numbers:
         return True
 
     def _energies(self, time: float) -> bool:
-        if self._march.skips:
-            return False
         return all(self._over(partial(self._energy, kind), time) for kind in ("kinetic", "elastic"))
 
     def _energy(self, kind: str, level: int, weight: float) -> None:
-        placed, velocity = self._kept.states[level]
+        pulled, momentum = self._energies_by(*self._kept.states[level])
         weight *= self._whole.factor
-        pulled, momentum = np.zeros_like(placed), np.zeros_like(placed)
-        for part, own in zip(self._inner, self._own, strict=True):
-            pulled[own], momentum[own] = part.energies_by(placed[own], velocity[own])
         if kind == "kinetic":
-            self._put(level, lambda r: _add(r.rate, weight * momentum))
-            return
-        surfaces = (self._ready.seen.model.surface(k) for k in range(len(self._inner)))
-        each = zip(surfaces, self._own, strict=True)
-        nodes = np.concatenate([surface.gather(pulled[own]) for surface, own in each])
-        march = self._march
-        pressed = march.gaps.relative(march.interior.static(nodes))
-        by_multiplier = np.einsum("ij,ij->i", march.normals, pressed)
+            unit = self._dt if self._march.skips else 1.0
+            self._put(level, lambda r: _add(r.rate, weight / unit * momentum))
+        elif self._march.skips:
+            self._amid(level, weight, pulled)
+        else:
+            self._strain(level, *self._pressed(weight * pulled))
 
+    def _energies_by(self, placed: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+        """Elastic energy by displacements, kinetic energy by velocities, of all bodies."""
+        each = [
+            part.energies_by(placed[own], velocity[own])
+            for part, own in zip(self._inner, self._own, strict=True)
+        ]
+        pulled, momentum = map(np.concatenate, zip(*each, strict=True))
+        return pulled, momentum
+
+    def _strain(self, level: int, place: Floats, contact: Floats, multiplier: Floats) -> None:
         def add(reading: Reading) -> None:
-            reading.place += weight * pulled
-            reading.contact += weight * nodes
-            reading.multiplier += weight * by_multiplier
+            reading.place += place
+            reading.contact += contact
+            reading.multiplier += multiplier
 
         self._put(level, add)
+
+    def _amid(self, level: int, weight: float, pulled: Floats) -> None:
+        """Elastic energy of an explicit layer, u_a . K u_b / 2 and half of that of both contacts.
+
+        Args:
+            level: At its end.
+            weight: Of the energy.
+            pulled: K u_b.
+        """
+        before, none = max(level - 1, 0), np.zeros_like(self._march.interior.surface_displacement)
+        pressing = self._kept.trail.multiplier
+        for each in (level, before):
+            nodes = self._march.gaps.spread(pressing[each][:, None] * self._march.normals)
+            *_, strained = self._pressed_by(nodes)
+            self._strain(each, np.zeros_like(pulled), none, 0.5 * weight * strained)
+        if not level:
+            self._strain(0, weight * pulled, none, np.zeros(pressing.shape[1]))
+            return
+        placed, velocity = self._kept.states[before]
+        lags = np.concatenate(
+            [
+                np.full(own.stop - own.start, part.lag if before else 0.0)
+                for part, own in zip(self._inner, self._own, strict=True)
+            ]
+        )
+        ahead, _ = self._energies_by(placed + lags * self._dt * velocity, velocity)
+        still = np.zeros(pressing.shape[1])
+        self._strain(level, 0.5 * weight * ahead, none, still)
+        self._strain(before, 0.5 * weight * pulled, none, still)
+        self._put(before, lambda r: _add(r.rate, 0.5 * weight * lags * pulled))
+
+    def _pressed_by(self, nodes: Floats) -> tuple[Floats, Floats]:
+        """By contact nodes (count, dim), and by the multipliers that press these (gaps,)."""
+        march = self._march
+        pressed = march.gaps.relative(march.interior.static(nodes))
+        return nodes, np.einsum("ij,ij->i", march.normals, pressed)
 
 
 def _add(to: Floats, more: Floats) -> None:

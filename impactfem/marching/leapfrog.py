@@ -304,11 +304,7 @@ class Leapfrog:
             keep, gain, lag = 1.0, 0.5 * gain, 0.0
         loads = gain * self._inverse * stepped
         forces = self._statics.equilibrium(loads) if self._statics else np.zeros_like(contact)
-        strained = loads.copy()
-        self._surface.spread(forces, strained)  # contact nodes follow the others
-        self._now.setArray(strained)
-        self._matrix.mult(self._now, self._internal)
-        pulled = np.where(moving, self._internal.getArray(), 0.0)
+        pulled = self._pulled(loads)
         return Backward(moved - pulled, keep * stepped - lag * pulled, forces, loads)
 
     def settled(self, contact: Floats) -> Floats:
@@ -317,6 +313,25 @@ class Leapfrog:
         if self._statics is not None:
             found[self._statics.near] = -self._statics.pushed(self._statics.response(contact))
         return found
+
+    def _pulled(self, place: Floats) -> Floats:
+        """Elastic forces on what has mass by its displacements; contact nodes follow, (dofs,)."""
+        strained = place.copy()
+        if self._statics is not None:
+            self._surface.spread(self._statics.equilibrium(place), strained)
+        self._now.setArray(strained)
+        self._matrix.mult(self._now, self._internal)
+        return np.where(self._inverse > 0.0, self._internal.getArray(), 0.0)
+
+    def energies_by(self, placed: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+        """Elastic energy by displacements, without that of contact, kinetic by velocities."""
+        moving = np.where(self._inverse > 0.0, self._mass, 0.0)
+        return self._pulled(placed), moving * velocity
+
+    @property
+    def lag(self) -> float:
+        """Steps by which damping looks ahead of what strains."""
+        return self._lag
 
     def sums_by(self) -> tuple[Floats, Floats]:
         """Mass times displacement and momentum; see `Reversible`."""
