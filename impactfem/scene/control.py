@@ -23,6 +23,9 @@ MAX_CONTROLS = 100
 MAX_PIECES = 10_000
 COURSES = ("constant", "linear")
 AXES = "xyz"
+_LOADS = {"traction": "tractions", "pressure": "pressures", "motion": "supports"}
+_ON_SURFACE = re.compile(r"body\.([^.]+)\.(traction|pressure|motion)\.([^.]+)(\.[^.]+)?")
+"""`body.NAME.traction.SURFACE.x`: loads of solids by the names of their surfaces."""
 
 
 @table("[[control]]")
@@ -37,7 +40,8 @@ class Control:
 
     name: str = key(Name(), "name of the control; formulas in t may use it")
     acts: str | None = key(
-        Line(), "path of a formula in t that it is added to, as body.ball.force.0", default=None,
+        Line(), "path of a formula in t that it is added to, as body.ball.force.x, "
+        "body.S.traction.SURFACE.x, body.S.motion.SURFACE.y, joint.J.motor", default=None,
         absent="its name stands in formulas",
     )  # fmt: skip
     course: str = key(
@@ -204,6 +208,7 @@ def put_into(
     Raises:
         NotAllowedError: There is no formula.
     """
+    path = _loaded(data, path)
     head, _, last = path.rpartition(".")
     path = f"{head}.{AXES.index(last)}" if last in AXES and last else path
     present = _present(data, path, keys)
@@ -211,6 +216,26 @@ def put_into(
         data, path, present = cast("Any", present), "formula", present.get("formula", "signal")
     if not re.search(rf"\b{name}\b", str(present)):
         assign(data, path, name if present in (0, "0") else f"({present}) + {name}")
+
+
+def _loaded(data: dict[str, Any], path: str) -> str:
+    """Path of the value of a traction, pressure or motion that is named by its surface.
+
+    Tractions and pressures of which the body has none there are added to the scene, as 0.
+    """
+    named = _ON_SURFACE.fullmatch(path)
+    if named is None:
+        return path
+    body, load, surface, axis = named.groups()
+    place, where = f"body.{body}.{_LOADS[load]}", f".{surface}.value{axis or ''}"
+    if load == "motion":
+        return place + where
+    given = [] if is_missing(data, place) else cast("list[Any]", looked_up(data, place))
+    if all(each.get("surface") != surface for each in given):
+        in_space = looked_up(data, f"body.{body}.model") == "3d"
+        none = [0] * (3 if in_space else 2) if load == "traction" else 0
+        assign(data, place, [*given, {"surface": surface, "value": none}])
+    return place + where
 
 
 def _present(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]]) -> object:

@@ -53,7 +53,7 @@ _RATES = {"q": "v", "angle": "spin", **{f"{a}": f"v{a}" for a in AXES}}
 _RATES |= {f"u{a}": f"v{a}" for a in AXES}
 _ACTED = re.compile(
     r"joint\.[^.]+\.motor|body\.[^.]+\.joints\.[^.]+\.(motor|control)|"
-    r"body\.[^.]+\.(far_end_force|(force|moment)(\.[xyz012])?)|body\.[^.]+\.(tractions|pressures)\..+"
+    r"body\.[^.]+\.(far_end_force|(force|moment)(\.[xyz012])?)|body\.[^.]+\.(tractions?|pressures?)\..+"
 )
 
 
@@ -108,7 +108,7 @@ class Controller:
     acts: str = key(
         Line(),
         "path of the formula in t that it is added to: joint.J.motor, body.M.joints.J.motor, "
-        "body.B.force.x, body.B.moment, body.B.tractions.0.value.x, body.B.pressures.0.value, "
+        "body.B.force.x, body.B.moment, body.B.traction.SURFACE.x, body.B.pressure.SURFACE, "
         "body.B.far_end_force",
     )
     of: str | None = key(

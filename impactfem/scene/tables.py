@@ -197,6 +197,7 @@ def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
             found = {str(index): entry for index, entry in enumerate(place)}
             entries = [entry for entry in place if isinstance(entry, dict)]
             found |= {str(e["kind"]): e for e in entries if "kind" in e and "name" not in e}
+            found |= {str(e["surface"]): e for e in entries if "surface" in e}
             found |= {str(e["name"]): e for e in entries if "name" in e}
             if part not in found:
                 raise NotAllowedError(f"there is no {show(part)}; write {' or '.join(found)}")
