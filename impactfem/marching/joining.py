@@ -90,12 +90,14 @@ class Joining[P: Stepper](Bodies[P]):
         self._owner = joints.owner[terms.rows]
         self._leading = np.unique(self._owner, return_index=True)[1]  # first term of each joint
         self._struck = False
+        self._tied = np.array([isinstance(joint, TieRows) for joint in joints.joints])
         # Whether rows act along lines that stay, by laws that do.
         turn = (terms.kinds != POINT).any() or terms.arms.any()
         self._same = not (turn or self._leads or self._states_change(joints))
         # Where they do, and bodies answer alike in all layers, one factor is that of all.
         steady = self._same and not joints.redundant and joints.count > 0
         answers = [body.steady_answer for body in held]
+        self._images: Floats | None = None  # see `mirror`
         self._steady = steady and all(answer is not None for answer in answers)
         self._kept: SteadyRows | None = None
         self._kept_ahead: SteadyRows | None = None
@@ -401,6 +403,13 @@ class Joining[P: Stepper](Bodies[P]):
         except np.linalg.LinAlgError:
             return None
 
+    def mirror(self, axes: Sequence[int]) -> None:
+        """Tell forces of ties of a whole of which planes across some axes leave a part."""
+        if len(axes):
+            self._images = np.full(3, 2.0 ** len(axes))
+            self._images[list(axes)] = 0.0
+            self._show(self._terms)
+
     def _show(self, terms: Floats) -> None:
         """Rates of the rows now, and what columns of joints show."""
         joints, t, dt = self._joints, self._joints.terms, self.span
@@ -420,6 +429,8 @@ class Joining[P: Stepper](Bodies[P]):
         arms = applied(self._middles[t.bodies[first, 1]], t.arms[first, 1])
         moments = pushes[:, 3:] - crossed(arms, forces)
         about = moments[:, 2] if self._dim == 2 else np.linalg.norm(moments, axis=1)
+        if self._images is not None:
+            forces = np.where(self._tied[:, None], self._images * forces, forces)
         self._shown[:, 2], self._shown[:, 3] = np.linalg.norm(forces, axis=1), about
         for k in np.flatnonzero(self._gears):
             at = np.flatnonzero(self._owner == k)[-1]

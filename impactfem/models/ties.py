@@ -96,6 +96,11 @@ class Ties:
         where, parts = f"tie[{index}]", {part.solid.name: part for part in self._parts}
         sides = [parts.get(_body(name)) for name in tie.between]
         made = [_Surface.of(p, n, where) for p, n in zip(sides, tie.between, strict=True) if p]
+        cuts = [set(p.solid.shape.symmetry) if p and p.solid.shape else set() for p in sides]
+        cuts = [cut for cut, name in zip(cuts, tie.between, strict=True) if name != GROUND]
+        if any(cut != cuts[0] for cut in cuts):
+            text = f" = {show(list(tie.between))}: symmetry cuts one of them, and not the other "
+            raise KeyedError(where, "between", f"{text}alike; cut both so, or none.")
         if len(made) == 1:
             return _to_rigid(tie.name, tie.between, made[0], first=sides[0] is not None)
         return _together(tie.name, (made[0], made[1]), f"{where}.between", tie.between)
@@ -133,9 +138,6 @@ class _Surface:
             KeyedError: There is no such surface, or it is empty.
         """
         outside, (surface,) = part.outside, side_of(name)[1] or ("",)
-        if part.solid.shape is not None and part.solid.shape.symmetry:
-            text = f" = {show(name)}: {part.solid.name} is cut by symmetry, which ties do not "
-            raise KeyedError(where, "between", f"{text}keep; model it as a whole.")
         if surface not in outside.names:
             raise named(where, "between", name, outside.names, "surface")
         faces = outside.on([surface])

@@ -183,6 +183,8 @@ def prepare(
     ]
     iterates = model.takes_iterates(plan.method, numbers.active_set)
     loop = make_loop(scene, model, numbers, scheme, iterates, each, few, steps, progress)
+    if model.joints:
+        loop.joined.mirror(list(numbers.whole.levels))
     progress.step("marching")
     every = _every(scene, layers)
     try:

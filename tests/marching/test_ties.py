@@ -223,3 +223,23 @@ def test_rows_that_stay_are_solved_by_one_factor(monkeypatch):
         size = np.abs(whole[name].values).max()
         assert found[name].values == pytest.approx(whole[name].values, abs=1e-11 * size)
     assert found["contact_force"].values.max() > 0.0
+
+
+def test_a_tie_that_symmetry_cuts_is_told_as_a_whole():
+    """Halves of two tied blocks of even meshes move as the whole, and forces are of this."""
+
+    def fallen(*cuts):
+        bodies = two(0.025, 0.0125, velocity=["0", "-1"], cells="hexahedron")
+        for body in bodies:
+            body["shape"] = body["shape"] | {"symmetry": list(cuts)}
+            body["shape"]["corner"] = [-0.05, body["shape"]["corner"][1]]
+        return solve(scene(bodies, 3e-3, 1e-4, obstacle=[FLOOR])).history
+
+    whole, half = fallen(), fallen("x")
+    for name in ("a.y", "contact_force", "force.glue", "elastic_energy"):
+        size = np.abs(whole[name].values).max()
+        assert half[name].values == pytest.approx(whole[name].values, abs=1e-9 * size)
+    bodies = two()
+    bodies[0]["shape"]["symmetry"] = ["x"]
+    with pytest.raises(SceneError, match="symmetry cuts one of them, and not the other alike"):
+        plan(scene(bodies, 3e-3, 1e-4))
