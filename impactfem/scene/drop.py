@@ -1,13 +1,14 @@
 """Drops: bodies turned, placed where they touch first, with the speed of a fall."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.scene.fallers import Move, outline, place
+from impactfem.scene.fallers import Move, curves, outline, place
 from impactfem.scene.given import MaybeTable
 from impactfem.scene.inline import InlineTable
 from impactfem.scene.kinds import Real
@@ -22,6 +23,7 @@ type Floats = NDArray[np.float64]
 
 _LEFT = 4e-15  # share of the sizes that a gap may be left open
 _STEPS = 100_000
+_TURNS = 60  # looks for where an ellipsoid is nearest to what is round
 
 
 @table("[drop]")
@@ -60,15 +62,19 @@ def dropped(scene: "Scene", drop: Drop) -> dict[str, Any]:
     turn = _turn(drop, scene.dim)
     bodies = [body for body in scene.bodies if not body.attached]
     outlines = [outline(body, Path(scene.folder or "")) for body in bodies]
-    low = np.min([(nodes - r[:, None]).min(axis=0) for nodes, r, *_ in outlines], axis=0)
-    high = np.max([(nodes + r[:, None]).max(axis=0) for nodes, r, *_ in outlines], axis=0)
+    round_ones = [each for body in bodies for each in curves(body)]
+    boxes = [(nodes, r[:, None]) for nodes, r in outlines]
+    boxes += [(at[None], np.linalg.norm(axes, axis=1)[None]) for at, axes in round_ones]
+    low = np.min([(at - half).min(axis=0, initial=np.inf) for at, half in boxes], axis=0)
+    high = np.max([(at + half).max(axis=0, initial=-np.inf) for at, half in boxes], axis=0)
     pivot: Floats = np.asarray(0.5 * (low + high), dtype=np.float64)
     size = float(np.linalg.norm(high - low))
     speed = math.sqrt(2.0 * float(np.linalg.norm(down)) * drop.height)
     down = down / np.linalg.norm(down)
     turned = [_turned(each, turn, pivot) for each in outlines]
-    way = _way(scene, np.concatenate([t[0] for t in turned]),
-               np.concatenate([t[1] for t in turned]), down, size)  # fmt: skip
+    round_ones = [(pivot + turn @ (at - pivot), turn @ axes) for at, axes in round_ones]
+    nodes, radius = (np.concatenate(each) for each in zip(*turned, strict=True))
+    way = _way(scene, nodes, radius, round_ones, down, size)
     data = scene.to_dict()
     data.pop("drop", None)
     angle = None if drop.orientation is None else drop.orientation.in_plane
@@ -137,7 +143,23 @@ def _turned(outline: tuple[Floats, Floats], turn: Floats, pivot: Floats) -> tupl
     return pivot + (nodes - pivot) @ turn.T, radius
 
 
-def _way(scene: "Scene", nodes: Floats, radius: Floats, down: Floats, size: float) -> float:
+def _nearest(obstacle: Any, centre: Floats, axes: Floats) -> float:
+    """Gap of an ellipsoid with half axes by columns, by the normal where it is nearest [m]."""
+    normal = obstacle.gap(centre[None])[1][0]
+    for _ in range(_TURNS):
+        along = axes.T @ normal
+        there = centre - axes @ along / np.linalg.norm(along)
+        gap, found = obstacle.gap(there[None])
+        if np.abs(found[0] - normal).max() <= _LEFT:
+            break
+        normal = found[0]
+    return float(gap[0])
+
+
+def _way(
+    scene: "Scene", nodes: Floats, radius: Floats, round_ones: Sequence[tuple[Floats, Floats]],
+    down: Floats, size: float,
+) -> float:  # fmt: skip
     """How far bodies go along gravity to their first touch [m].
 
     From above: lifted until they are clear of the obstacles, then by steps as long as the gap,
@@ -145,10 +167,15 @@ def _way(scene: "Scene", nodes: Floats, radius: Floats, down: Floats, size: floa
     """
 
     def gap(way: float) -> float:
-        places = nodes + way * down
-        return min(float((o.gap(places)[0] - radius).min()) for o in scene.rigid_obstacles)
+        found = []
+        for o in scene.rigid_obstacles:
+            if len(nodes):
+                found.append(float((o.gap(nodes + way * down)[0] - radius).min()))
+            found += [_nearest(o, at + way * down, axes) for at, axes in round_ones]
+        return min(found)
 
-    reach = size + max(float(np.abs(nodes).max()), 1e-300)
+    far = max([float(np.abs(nodes).max(initial=0.0)), *(np.abs(at).max() for at, _ in round_ones)])
+    reach = size + max(far, 1e-300)
     way, lift = 0.0, reach
     while gap(way) <= 0.0:
         way -= lift

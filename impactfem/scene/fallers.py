@@ -67,9 +67,6 @@ def outline(body: Any, folder: Path) -> Outline:
         raise KeyedError(
             "drop", "height", f"{text}a {body.kind}: give its place and velocity instead."
         )
-    if body.is_curved:
-        text = f" drops no ellipsoids, as {body.name}: give its place and velocity instead."
-        raise KeyedError("drop", "height", text)
     for support in getattr(body, "supports", ()):
         if not getattr(support, "mirrors", False) and getattr(support, "kind", "") != "free":
             text = f": {body.name} has supports, and what is held does not fall; leave drop out."
@@ -104,6 +101,25 @@ def _of_form(form: Form, at: Floats, turn: Floats) -> Outline:
         nodes = (rims[:, None, :3] + rims[:, 3, None, None] * circles).reshape(-1, 3)
         radius = np.repeat(rims[:, 4], _AROUND)
     return at + (nodes - at) @ turn.T, radius
+
+
+def _of_rigid(body: RigidBody, _: Path) -> Outline:
+    """Nodes of its parts but ellipsoids, which `curves` tells."""
+    if not body.is_curved:
+        return _of_form(body.form, body.center, body.rotation)
+    each = [_of_form(part, body.center, body.rotation) for part in body.parts if not part.curved]
+    nodes, radius = zip((np.zeros((0, 3)), np.zeros(0)), *each, strict=True)
+    return np.concatenate(nodes), np.concatenate(radius)
+
+
+def curves(body: Any) -> list[tuple[Floats, Floats]]:
+    """Centres (3,) and half axes by columns (3, 3) of ellipsoids that are parts of a body [m]."""
+    if not body.is_curved:
+        return []
+    at, turn = np.asarray(body.center), body.rotation
+    return [
+        (at + turn @ (part.centre - at), turn * part.radii) for part in body.parts if part.curved
+    ]
 
 
 def _of_net(body: SpringNet, folder: Path) -> Outline:
@@ -360,7 +376,7 @@ class _Faller(NamedTuple):
 _FALLERS: Mapping[type[Any], _Faller] = {
     Point: _Faller(_of_point, _move_point),
     RigidBody: _Faller(
-        lambda body, _: _of_form(body.form, body.center, body.rotation), _move_rigid
+        _of_rigid, _move_rigid
     ),
     Solid: _Faller(_of_solid, _move_solid),
     SpringNet: _Faller(_of_net, _move_net),

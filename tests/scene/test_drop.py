@@ -232,3 +232,25 @@ def test_drops_without_sense_are_refused(change, words):
     tables = scene(BOX).to_dict() | {"drop": {"height": 0.5}}
     with pytest.raises(SceneError, match=words):
         Scene.from_dict(tables | change)
+
+
+def test_an_ellipsoid_touches_where_it_is_nearest():
+    """A plane at sqrt(a^2 sin^2 + c^2 cos^2) from its centre, and a ball beside its middle."""
+    shape = {"kind": "ellipsoid", "radii": [0.2, 0.1, 0.05], "center": [0.0, 0.0, 5.0]}
+    egg = {"kind": "rigid", "name": "egg", "mass": 1.0, "shape": shape}
+    floor = {"kind": "half_space", "name": "floor", "point": [0.0, 0.0, 0.0],
+             "normal": [0.0, 0.0, 1.0]}  # fmt: skip
+    turn = {"axis": [0.0, 1.0, 0.0], "angle": 0.3}
+    table = {"title": "egg", "duration": 1e-3, "gravity": [0.0, 0.0, -10.0], "body": [egg],
+             "obstacle": [floor], "drop": {"height": 0.8, "orientation": turn}}  # fmt: skip
+    body = impactfem.Scene.from_dict(table).bodies[0]
+    across = np.hypot(0.2 * np.sin(0.3), 0.05 * np.cos(0.3))
+    assert body.center == pytest.approx([0.0, 0.0, across], abs=1e-13)
+    assert body.velocity[2] == pytest.approx(-4.0, abs=1e-12)
+    ball = {"kind": "sphere", "name": "ball", "center": [0.05, 0.0, -1.0], "radius": 1.0}
+    body = impactfem.Scene.from_dict(table | {"obstacle": [ball]}).bodies[0]
+    angles = np.linspace(-np.pi, np.pi, 200_001)
+    rim = 0.2 * np.sin(angles), 0.05 * np.cos(angles)
+    x = np.cos(0.3) * rim[0] + np.sin(0.3) * rim[1]
+    z = body.center[2] - np.sin(0.3) * rim[0] + np.cos(0.3) * rim[1]
+    assert np.hypot(x - 0.05, z + 1.0).min() == pytest.approx(1.0, abs=1e-9)
