@@ -232,6 +232,9 @@ class LoadKind(Kind):
         return [[t, v] for t, v in zip(value.times, value.values, strict=True)]
 
 
+_LEAST_PIECES = 200
+
+
 def _followed(value: Any) -> PiecewiseConstant | PiecewiseVector:
     """Measured signals, as their means between samples: impulses from one to another are exact."""
     several = isinstance(value, list | tuple)
@@ -242,7 +245,10 @@ def _followed(value: Any) -> PiecewiseConstant | PiecewiseVector:
     told = [part for part in parts if isinstance(part, Formula)]
     last = min(part.record[0][1] for part in told if part.record is not None)
     samples = np.unique(np.concatenate([part.compared("t") for part in told]))
-    times = np.concatenate([[0.0], samples[(samples > 0.0) & (samples < last)]])
+    edges = np.concatenate([[0.0], samples[(samples > 0.0) & (samples < last)], [last]])
+    parts_each = -(-_LEAST_PIECES // (len(edges) - 1))  # where there are few samples
+    shares = np.arange(parts_each) / parts_each
+    times = (edges[:-1, None] + np.diff(edges)[:, None] * shares).ravel()
     ends = np.append(times[1:], last)
     means = [
         mean_of(part, times, ends) if isinstance(part, Formula) else np.full(len(times), part)

@@ -37,7 +37,7 @@ from impactfem.scene.inverse import (
     named_numbers,
 )
 from impactfem.scene.joints import Joint
-from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
+from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
 from impactfem.scene.masses import PointMass
 from impactfem.scene.obstacles import OBSTACLES
 from impactfem.scene.probes import MAX_PROBES, Probe
@@ -126,7 +126,11 @@ class Scene(Content):
 
     def _turn_gravity(self) -> None:
         """Give bars that the march takes gravity along their axis: a number is towards the wall."""
-        if isinstance(self.gravity, PiecewiseConstant):
+        if isinstance(self.gravity, PiecewiseConstant) and self.gravity.given is not None:
+            signal = self.gravity.given[0].plain
+            turned = signal | {"formula": f"-({signal.get('formula', 'signal')})"}
+            object.__setattr__(self, "gravity", LoadKind().read([turned]))
+        elif isinstance(self.gravity, PiecewiseConstant):
             along = tuple((0.0 - value,) for value in self.gravity.values)
             object.__setattr__(self, "gravity", PiecewiseVector(self.gravity.times, along))
 
