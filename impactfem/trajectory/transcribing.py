@@ -371,7 +371,7 @@ def solved(
     if found.answer.status == "infeasible":
         message = search.why_infeasible(found.answer, first)
     elif found.answer.status != "converged" and problem.impacts:
-        message = f"the search did not converge (Ipopt: {message}){_kept(problem, first)}"
+        message = f"the search did not converge (Ipopt: {message}){_kept(problem, first, row)}"
     elif found.answer.status == "not_converged":
         message = (
             f"the search did not converge (Ipopt: {message}) in {found.answer.iterations} "
@@ -456,7 +456,7 @@ class _Search:
         """What cannot be met, and the least duration with which it can."""
         told = f"no motion was found that meets all that is asked; farthest off is {answer.worst}"
         if self.problem.impacts:
-            return told + _kept(self.problem, guess)
+            return told + _kept(self.problem, guess, self.row)
         low, high = self.problem.duration
         longer = replace(
             self.problem, duration=(1e-3 * low, _LONGER * high), running=None,
@@ -483,7 +483,7 @@ def cut(mesh: Floats, defects: Floats, refine: float, order: int) -> Floats:
     ])  # fmt: skip
 
 
-def _kept(problem: Problem, guess: Guess) -> str:
+def _kept(problem: Problem, guess: Guess, row: Transcription) -> str:
     """To what a search through impacts is kept, and the remedy."""
     counts = np.zeros(len(problem.impacts)) if guess.counts is None else guess.counts
     told = ", ".join(
@@ -492,7 +492,7 @@ def _kept(problem: Problem, guess: Guess) -> str:
     return (
         f"; it was kept to motions that strike as often as the guess does ({told}): give a guess, "
         "as values of controls, that strikes as it should and ends nearer, or ask for less"
-    )
+    ) + ("" if row.shoots else "; single_shooting lets impacts pass nodes, which this does not")
 
 
 def begin(problem: Problem, given: Mapping[str, ArrayLike]) -> Guess:
