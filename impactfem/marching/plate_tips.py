@@ -15,7 +15,7 @@ class PlateTips:
     """Coordinates of the tips of a plate; see `impactfem.marching.held_rows.Linear`.
 
     Attributes:
-        counts, span, noise: See there.
+        counts, span, noise, volatile: See there.
         moves: Which of all motions of the stations they are, (d,).
         reach, reach_ahead: See there.
     """
@@ -28,6 +28,7 @@ class PlateTips:
             rows: Motions of the stations by its coordinates, (6 stations, coordinates).
         """
         self.counts, self.span, self.noise = plate.counts, plate.dt, 0.0
+        self.volatile = plate.volatile
         self.moves = np.flatnonzero(rows.any(axis=1))
         own, self._plate = rows[self.moves], plate
         self._rows, self._joined = csr_matrix(own), np.zeros(len(own))

@@ -5,7 +5,7 @@ import pytest
 from moving_scenes import check_ranks, check_restart
 
 import impactfem
-from impactfem import Scene, SceneError
+from impactfem import Scene
 
 HELD = {"supports": [{"surface": "bottom", "kind": "fixed"}]}
 PIN = {"name": "pin", "kind": "revolute", "between": ["bob", "ground"], "point": [-0.2, 0.06]}
@@ -174,10 +174,3 @@ def test_a_point_in_a_joint_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
     made = bead(checkpoint=5)
     whole, _ = check_restart(made, 14, tmp_path, monkeypatch)
     assert whole.history["contact_force"].values.max() > 50.0
-
-
-def test_surfaces_in_joints_are_refused_with_what_to_do():
-    lash = {"name": "pin", "kind": "revolute", "between": ["pad/top", "ground"],
-            "point": [0.0, 0.0]}  # fmt: skip
-    with pytest.raises(SceneError, match=r"joint\[0\].between.*hold bodies of kind .*beam.*where"):
-        impactfem.plan(scene([pad(), POINT], [lash], [law(0.0)], 0.01))

@@ -374,15 +374,6 @@ def test_half_of_a_body_is_refused():
         plan(scene)
 
 
-def test_finite_strain_and_starts_at_rest_are_refused():
-    scene = landing()
-    far = replace(scene.bodies[0], model="plane_strain", strain="finite", material="neo_hookean")
-    kinds = "bar and point and beam and rigid and mechanism and springs"
-    said = rf"joint\[0\].between = .*hold bodies of kind {kinds} where block has finite"
-    with pytest.raises(SceneError, match=said):
-        replace(scene, bodies=[far, scene.bodies[1]])
-
-
 def test_plans_foresee_no_flight_of_what_joints_hold_and_say_what_counts():
     scene = made(
         [block()], [hinge("ground", "block/left", point=[-0.1, -0.05])], 0.5, 1e-3, (0.0, -9.81),
