@@ -353,7 +353,7 @@ class _Numbers:
                 return True
             case "speed" if body is not None:
                 velocity = self._velocity(body, time)
-                return self._along(body, time, velocity / np.linalg.norm(velocity))
+                return self._along(body, time, _direction(velocity))
             case "terminal_energy" | "vibration_energy":
                 return self._energies(time) and self._rest(term.term, time)
             case "peak_force" if term.pair in self._pairs:
@@ -506,8 +506,8 @@ class _Numbers:
 
     def _speed(self, body: int, level: int, weight: float) -> None:
         velocity = self._velocity(body, level * self._dt)
-        for axis, v in enumerate(velocity.tolist()):
-            self._rate(body, axis, level, weight * v / float(np.linalg.norm(velocity)))
+        for axis, share in enumerate(_direction(velocity).tolist()):
+            self._rate(body, axis, level, weight * share)
 
     def _force(self, pair: str | None, row: int, weight: float) -> None:
         """Of a pair in a row of the history, of all pairs if None."""
@@ -621,3 +621,9 @@ class _Numbers:
 
 def _add(to: Floats, more: Floats) -> None:
     to += more
+
+
+def _direction(velocity: Floats) -> Floats:
+    """Of a velocity; 0 at rest, where a speed has a kink, which the check of slopes sees."""
+    speed = float(np.linalg.norm(velocity))
+    return velocity / speed if speed > 0.0 else np.zeros_like(velocity)

@@ -1,5 +1,6 @@
 """Numbers of a scene and their derivatives by its parameters, with the plan of the start kept."""
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -98,6 +99,12 @@ RUNS: Mapping[str, Callable[[Plan[Any], Scene], Any]] = {
 """Runs with derivatives of a plan and its scene, by method."""
 
 
+_STIFFENS = re.compile(
+    r"youngs_modulus|density|poisson_ratio|bulk_modulus|c10|c01|orthotropic|stiffness|materials"
+)
+"""Keys by which waves become faster."""
+
+
 def _runs(chosen: Plan[Any], scene: Scene) -> Callable[[Plan[Any], Scene], Any] | None:
     """What makes the runs with derivatives of a plan; None if it has none that are right."""
     if is_tree(scene):
@@ -125,6 +132,9 @@ def _planned(scene: Scene) -> Plan[Any]:
         return replace(chosen, method="event_driven")
     uniform = all(bar.has_two_waves for bar in scene.bars) and not scene.gives_way
     fitting = [name for name in known if METHODS[name].exact and uniform] or known
+    if any(each.path is None or _STIFFENS.search(each.path) for each in scene.parameters):
+        # The time step of the start is kept: that of explicit steps has a limit by wave speeds.
+        fitting = [name for name in fitting if name != "explicit"]
     if scene.solve.method is None and fitting and chosen.method not in fitting:
         try:
             return plan(scene.with_settings({"solve.method": fitting[0]}))
@@ -238,6 +248,11 @@ class Varied:
                 sizes = np.maximum(np.abs(at), [each.least for each in self.unknowns])
                 names = tuple(each.name for each in self.unknowns)
                 found = self.runs.jacobian(Changes(self.at, at, sizes, names), self.quantities)
+                if not np.isfinite(found.jacobian).all():
+                    raise ConvergenceError(
+                        "gradient: a derivative is not finite at the place that is looked at; "
+                        "begin at another start"
+                    )
                 if self.kept is not None:
                     self.kept.add(at, found)
             self._last = key, found

@@ -133,3 +133,20 @@ def test_two_discs_backwards():
         way = 1e-5 * np.eye(2)[k]
         wanted = varied.numbers(varied.start + way) - varied.numbers(varied.start - way)
         np.testing.assert_allclose(slopes[:, k], wanted / 2e-5, rtol=1e-6, atol=1e-8)
+
+
+def test_a_modulus_that_varies_takes_steps_without_a_limit_by_waves():
+    free = {"method": None, "dt": None}
+    varied = {name: Varied.of(thrown(name, solve=free)).chosen.method for name in ("v", "E")}
+    assert varied == {"v": "explicit", "E": "massless"}
+
+
+def test_the_speed_of_a_body_at_rest_has_a_kink_that_is_told():
+    control = {"name": "push", "acts": "body.disc.traction.rim.x", "pieces": 3, "until": 5e-4}
+    fastest = {"minimise": [{"term": "speed", "body": "disc", "at": 5e-4, "weight": -1.0}]}
+    resting = {"velocity": [0.0, 0.0]}
+    scene = thrown(body=resting, control=[control], objective=fastest, measure=[], duration=1e-3)
+    found = impactfem.gradient(scene)
+    assert not found.trusted
+    assert found.check.rate == pytest.approx(1.0, abs=0.1)
+    assert set(found.gradient.values()) == {0.0}
