@@ -27,6 +27,7 @@ from impactfem.marching.iterated import SHARE, by_energy
 from impactfem.marching.joint_laws import STICKS, JointLaws
 from impactfem.marching.layers import Sums
 from impactfem.marching.mechanism_shown import ShownMechanism
+from impactfem.marching.mechanism_start import MechanismAtRest
 from impactfem.marching.meshless import step_length
 from impactfem.marching.stations import Held
 from impactfem.scene import PiecewiseVector
@@ -107,6 +108,16 @@ class MechanismMidpoint(ShownMechanism):
         self._angle, self._lost = memory["angles"].copy(), memory["lost"].copy()
         states = memory["states"].astype(int)
         self._laws.states, self._leans = states[:-1], bool(states[-1])
+        self._ahead = self._v.copy()
+        self._begin()
+
+    def at_rest(self) -> MechanismAtRest:
+        """It as the search for equilibrium asks it."""
+        return MechanismAtRest(self)
+
+    def put(self, q: Floats, way: Floats) -> None:
+        """Begin at some coordinates, to which the rates have gone a way (v,)."""
+        self._q, self._angle = q, self._angle + way
         self._ahead = self._v.copy()
         self._begin()
 

@@ -13,6 +13,7 @@ from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.few_start import FewAtRest
 from impactfem.marching.jointed_start import ByRows, JointedAtRest, Stationed
 from impactfem.marching.layers import ContactGaps, Stepper
+from impactfem.marching.mechanism_start import MechanismAtRest
 from impactfem.marching.plate_start import PlateAtRest
 from impactfem.marching.pressing import Pressing
 from impactfem.marching.resting import Rest, Resting
@@ -281,6 +282,8 @@ def _stationed(
     body: Any = bodies[index]
     if isinstance(body, RigidAtRest):
         return body
+    if isinstance(body, MechanismAtRest):
+        return body.linked(stations.names)
     if isinstance(body, FewAtRest):
         return ByRows(stations, body.start, lambda change: change, lambda forces: forces, body.ease)
     if isinstance(body, PlateAtRest):

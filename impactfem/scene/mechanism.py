@@ -124,6 +124,7 @@ class Mechanism(BodyKind):
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     may_meet_nothing: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     joined_in_steps: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
     has_links: ClassVar[bool] = True

@@ -295,7 +295,7 @@ def test_other_bodies_are_refused():
         "title": "no", "duration": 1.0, "start": "static", "body": [{"name": "b"} | bar],
         "obstacle": [{"name": "wall", "kind": "wall"}],
     }  # fmt: skip
-    says = "brings bodies of kind solid and point and rod and beam and rigid and springs and plate "
-    says += "to rest"
+    says = "brings bodies of kind solid and point and rod and beam and rigid and mechanism and "
+    says += "springs and plate to rest"
     with pytest.raises(SceneError, match=f'start = "static" {says}, b is a bar: remove it'):
         Scene.from_dict(table)
