@@ -43,7 +43,7 @@ class MechanismAtRest:
         bodies, self._march, self._q = march.bodies, march, march.coordinates.copy()
         tree, joints, self.name = bodies.tree, bodies.joints, bodies.names[0]
         count, every = tree.rates, sorted(set(tree.links().values()) - {0})
-        self.start, self._offset = np.zeros(2 * count), bodies.following
+        self.start, self._offset, self.mass = np.zeros(2 * count), bodies.following, tree.mass
         _, origins = tree.poses(self._q, every)
         places = np.vstack([origins, bodies.places(self._q)])
         self.size = extent(places, bodies.radius)

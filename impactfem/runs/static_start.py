@@ -44,6 +44,7 @@ class Started:
         sizes: Of the bodies [m].
         others: Mass times the way of bodies without meshes [kg m], (dim,) each.
         turned: How far those of them without coordinates that tell it have turned [rad].
+        carried: How far the centres of mechanisms have moved [m], (3,) each.
     """
 
     rest: Rest
@@ -51,6 +52,7 @@ class Started:
     sizes: dict[str, float]
     others: tuple[Floats, ...] = ()
     turned: Mapping[str, Floats] = field(default_factory=dict)
+    carried: Mapping[str, Floats] = field(default_factory=dict)
 
     def details(self, model: SolidsModel, whole: Whole) -> dict[str, Any]:
         """For ``summary.json``, of what the bodies are parts of (collective)."""
@@ -62,7 +64,7 @@ class Started:
             "moved": {
                 part.solid.name: whole.mean(way / part.system.total_mass).tolist()
                 for part, way in zip(model.parts, self._ways(model), strict=True)
-            },
+            } | {name: way.tolist() for name, way in self.carried.items()},
             "shifted": {name: rigid for name, (rigid, _) in rest.shifted.items()},
             "unheld": {name: share for name, (share, _) in rest.neutral.items()},
         }  # fmt: skip
@@ -196,7 +198,12 @@ def start_at_rest(
     spun = {
         other.name: other.turned(place) for other, place in each if isinstance(other, FewAtRest)
     }
-    return Started(rest, pressed, sizes, fallen, spun)
+    carried = {
+        other.name: way / other.mass
+        for other, way in zip(besides, fallen, strict=True)
+        if isinstance(other, MechanismAtRest)
+    }
+    return Started(rest, pressed, sizes, fallen, spun, carried)
 
 
 def _taken(model: SolidsModel) -> str:

@@ -19,6 +19,7 @@ from test_mechanism import DOUBLE, SWING, WALL, G, joint, link, robot, scene, sl
 
 import impactfem
 from impactfem import SceneError
+from impactfem.report.page.bodies_in_words import body_in_words
 
 PRESSED = {
     "joints": {"hinge": {"position": 0.3, "motor": "-20*(q + 1.2)"}},
@@ -136,6 +137,19 @@ def test_a_cart_rests_on_a_slope_with_its_bob_hanging(tmp_path):
     lies["contacts"] = [{"between": ["arm", "floor"]}]
     with pytest.raises(SceneError, match="nothing holds body arm against its translation in joint"):
         impactfem.solve(rest(tmp_path, CART, **lies))
+
+
+def test_the_error_and_the_report_are_those_of_its_rest(tmp_path):
+    made = rest(tmp_path, SWING, duration=0.02, **PRESSED)
+    found = impactfem.solve(made.with_settings({"solve.estimate": True}))
+    moved = found.summary["details"]["start"]["moved"]["arm"]
+    ways = [np.sin(0.2013579207903308) - np.sin(-0.3), 0.0, np.cos(0.3) - np.sqrt(0.96)]
+    np.testing.assert_allclose(moved, ways, atol=1e-9)
+    assert found.summary["error"]["displacement_max"] < 1e-6
+    assert found.summary["verdict"]["level"] == "trust"
+    text = body_in_words(made, made.bodies[0])
+    assert "The joint hinge begins at 0.3 and has the motor" in text
+    assert "It starts in the nearest equilibrium" in text
 
 
 def test_joints_that_nothing_holds_are_named(tmp_path):

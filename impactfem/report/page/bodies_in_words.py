@@ -370,17 +370,21 @@ _EDGES = {
 }
 
 
-def _mechanism(_: Scene, body: Any) -> str:
+def _mechanism(scene: Scene, body: Any) -> str:
     text = f"A mechanism from {body.file}, its base {body.base} at "
     text += f"{vector(body.position, 'm')}."
     if body.place is not None:
         text += f" {body.place.frame} begins at {vector(body.place.target, 'm')}, by "
         text += f"inverse kinematics ({body.place.method})."
     for name, joint in body.joints.items():
-        begins = "" if joint.position is None else f" begins at {number(joint.position)}"
+        begins = "" if joint.position is None else f" begins at {number(joint.start)}"
+        if joint.drive is not None:
+            begins = f" is driven to {formula(joint.drive)}"
         drive = "" if joint.motor is None else f" has the motor {formula(joint.motor)}"
         if begins or drive:
             text += f" The joint {name}{' and'.join(filter(None, (begins, drive)))}."
+    if scene.starts_at_rest:
+        text += " It starts in the nearest equilibrium of its weight, motors and contact."
     return text
 
 
