@@ -131,7 +131,7 @@ class Formula:
         return np.array(sorted(found))
 
     @property
-    def plain(self) -> Any:
+    def plain(self) -> float | str | dict[str, Any]:
         """What a scene file holds: a number when the text is just a number, otherwise the text."""
         try:
             value = float(self.text)

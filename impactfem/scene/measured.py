@@ -45,7 +45,7 @@ class Measured(Formula):
 
     @property
     @override
-    def plain(self) -> Any:
+    def plain(self) -> dict[str, Any]:
         return dict(self.given)
 
     @property

@@ -73,7 +73,7 @@ def test_constant_stress_passes_unlike_meshes(dim, cells, degree):
         if name[:3] in {"p0.", "p1.", "p2."}:
             want = {"syy": -2e3, "szz": -600.0 * (dim == 2)}.get(name[3:], 0.0)
             assert np.abs(history[name].values - want).max() < 1e-12 * 2e3, name
-    held = 2e3 * (0.1 if dim == 2 else 0.01)
+    held = 2e3 * (0.2 if dim == 2 else 0.04)  # of the whole, which is cut at left and back
     np.testing.assert_allclose(history["force.glue"].values, held, rtol=1e-8)
 
 

@@ -121,10 +121,6 @@ CASES = {
         ["does not solve friction between ball and floor", '"moreau_jean"'],
     ),
     "thick beam": (made(body=[{**BEAM, "height": 0.1}], contact=[]), ["body[0].height", "thick"]),
-    "gravity of a beam": (
-        made(body=[BEAM], gravity=[[0, [0, -9.81]], [0.5, [0, 0]]], contact=[]),
-        ["gravity changes", "give one vector"],
-    ),
 }
 
 

@@ -283,7 +283,7 @@ def test_bars_and_solids_are_asked_for_by_name():
 
 def test_example_of_the_scene_reference():
     page = (Path(__file__).parents[2] / "docs" / "scene.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (example,) = re.findall(r"```toml\n(title.*?)```", page, re.DOTALL)
     scene = Scene.from_dict(tomllib.loads(example))
     assert scene.solid.surface_names == ("rim", "symmetry_x")
     assert scene.solid.mass == pytest.approx(1000 * math.pi / 8)

@@ -70,7 +70,7 @@ def test_the_first_mode_bends(held, root):
 @pytest.mark.parametrize(
     ("own", "words"),
     [
-        ({"rayleigh_mass": 1.0}, "quality_factor = 20.0 and rayleigh_mass both damp the body"),
+        ({"rayleigh_mass": 1.0}, "rayleigh_mass = 1 contradicts quality_factor"),
         ({"viscoelastic": {"kind": "kelvin_voigt", "time": 1.0}}, "and viscoelastic both damp"),
         ({"quality_factor": -1.0}, "quality_factor = -1"),
         ({"strain": "finite", "method": "explicit"}, "quality_factor = 20.0: explicit steps"),
