@@ -91,7 +91,7 @@ def test_a_ladder_stands_on_a_rough_floor():
         contacts = [*rough(mu), {"between": ["b", "wall"]}]
         return impactfem.solve(scene([ladder], [FLOOR, wall], (0.0, -10.0), contact=contacts))
 
-    with pytest.raises(impactfem.SceneError, match="nothing holds body b .* or more friction"):
+    with pytest.raises(impactfem.SceneError, match=r"nothing holds body b .* or more friction"):
         stood(0.2886)
     history = stood(0.2887).history
     assert history["kinetic_energy"].values.max() < 1e-14
