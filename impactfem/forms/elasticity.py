@@ -23,7 +23,7 @@ Comput. Methods Appl. Mech. Eng. 4 (1974) 153-177; T. J. R. Hughes, The Finite E
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -171,16 +171,23 @@ class ElasticForms:
         """
         return self.weight * ufl.TestFunction(cells) * self._dx(self._mass_degree)
 
-    def fields(self, displacement: Any) -> Mapping[str, Any]:
-        """What can be shown of a state, scalars or 3 x 3 tensors: von Mises stress [Pa]."""
-        strain = self.strain(displacement)
+    def fields(self, displacement: Any, terms: Iterable[tuple[Any, Any]] = ()) -> Mapping[str, Any]:
+        """What can be shown of a state, scalars or 3 x 3 tensors: von Mises stress [Pa].
+
+        Args:
+            displacement: [m].
+            terms: Shares of the stiffness, and displacements that strain it besides.
+        """
+        strain, trace = self.strain(displacement), self.dilatation(displacement)
+        for share, moved in terms:
+            strain += share * self.strain(moved)
+            trace += share * self.dilatation(moved)
         if self.residual is not None:
             shear = ufl.dev(self._total(strain))
             return {"von_mises": ufl.sqrt(1.5 * ufl.inner(shear, shear))}
         if self.whole is not None:
             shear = ufl.dev(symmetric(contracted(self.whole, strain), 3))
             return {"von_mises": ufl.sqrt(1.5 * ufl.inner(shear, shear))}
-        trace = self.dilatation(displacement)
         # Squares of the full strain, whose direct component out of the plane needs its own term.
         squares = ufl.inner(strain, strain)
         if self.model == "plane_stress":

@@ -308,10 +308,13 @@ class FiniteForms:
             stress = self.law.stress(strain, strain, 0.0 * strain, self._moduli)
         else:
             stress = symmetric(self.law.stress, 3)
-            if self.elastic.model == "plane_stress":
-                normal = ufl.as_tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-                strain += self.law.across * normal
-                full += (ufl.sqrt(1.0 + 2.0 * self.law.across) - 1.0) * normal
+        flat = self.elastic.model == "plane_stress"
+        for share, _, kept in self._terms:
+            stress += _in_space(share * self._linear(symmetric(kept, 2 if flat else 3)))
+        if flat and not isinstance(self.law, type):
+            normal = ufl.as_tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+            strain += self.law.across * normal
+            full += (ufl.sqrt(1.0 + 2.0 * self.law.across) - 1.0) * normal
         ratio = ufl.det(full)
         true = full * stress * full.T / ratio
         if self.pressing is not None:

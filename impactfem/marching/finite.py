@@ -71,9 +71,9 @@ class FiniteMidpoint(FiniteBody):
         super().__init__(system, surface, dt, weights, {solid.name: missing})
         self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
         self._strain: FiniteStrain | SmallStrain = (
-            FiniteStrain(system.nodes, solid, system.following)
+            FiniteStrain(system.nodes, solid, system.following, system.memory)
             if solid.is_finite
-            else SmallStrain(system.nodes, solid)
+            else SmallStrain(system.nodes, solid, system.memory)
         )
         self._turning = Turning.of(system, self._times_mass) if self._strain.arms_stay else None
         damping = system.rayleigh_mass, system.rayleigh_stiffness

@@ -17,6 +17,7 @@ from impactfem.runs.line_probes import LETTERS
 from impactfem.runs.samples import Kept, LinePlaces
 from impactfem.scene.probes import outside
 from impactfem.system.located import Located
+from impactfem.system.relaxation import Relaxation
 from impactfem.system.true_stress import TrueStress
 
 _BLOCKS = {"velocity": 1, "stress": 2}
@@ -61,6 +62,7 @@ class SolidProbes:
         needed: Which of the owned dofs of all bodies, one body after the other, of each of these.
         residual: Residual stresses [Pa], by probe and the last part of their columns.
         laws: Of stresses that are not linear, by probe: the columns are what these need.
+        relaxing: Maxwell terms that stresses have besides, by probe.
         telling: What tells the columns that follow.
         counts: Whether this rank does.
         kept: Places that are kept besides, for runs on other elements.
@@ -72,6 +74,7 @@ class SolidProbes:
     needed: tuple[Integers, Integers, Integers]
     residual: Mapping[str, Mapping[str, float]]
     laws: Mapping[str, TrueStress]
+    relaxing: Mapping[str, Relaxation]
     telling: tuple[Told, ...]
     counts: bool
     kept: Kept | None = None
@@ -142,10 +145,16 @@ class SolidProbes:
             for probe, _, located in model.probes
             if "stress" in probe.quantities
         }
+        relaxing = {
+            probe.name: located.relaxing
+            for probe, _, located in model.probes
+            if "stress" in probe.quantities
+        }
         which = displaced, moving - dim * len(own), strained - 2 * dim * len(own)
         counts = model.comm.rank == 0
         return cls(
-            march, tuple(names), weights, which, residual, laws, tuple(telling), counts, kept
+            march, tuple(names), weights, which, residual, laws, relaxing, tuple(telling), counts,
+            kept,
         )  # fmt: skip
 
     def __call__(self, level: Level) -> None:
@@ -158,15 +167,26 @@ class SolidProbes:
         own = self.weights @ np.concatenate(moved) if self.weights.shape[0] else moved[0]
         self.march.rows.probes[level.layer] = np.concatenate([own, self.counts * np.array(told)])
 
+    @property
+    def remembers(self) -> bool:
+        """Whether columns need what was at all levels before."""
+        return any(self.relaxing.values())
+
     def columns(self, values: Floats) -> dict[str, dict[str, Floats]]:
-        """Columns of each probe by their last part, of the sums of all ranks (rows, columns)."""
+        """Columns of each probe by their last part, of the sums of all ranks (rows, columns).
+
+        Maxwell terms that the displacements do not hold follow the place from layer to layer.
+        """
+        dt = self.march.interior.dt
         found: dict[str, dict[str, Floats]] = {}
         for k, (probe, part) in enumerate(self.names):
-            more = self.residual.get(probe, {}).get(part, 0.0)
-            found.setdefault(probe, {})[part] = values[:, k] + more
+            own, terms = values[:, k], self.relaxing.get(probe)
+            if terms and probe not in self.laws and part.startswith("s"):
+                own = own + terms.exceeding(own, dt)  # at small strain stresses relax by themselves
+            found.setdefault(probe, {})[part] = own + self.residual.get(probe, {}).get(part, 0.0)
         for probe, law in self.laws.items():
             kept = found[probe]
-            stress = law.of(kept)
+            stress = law.of(kept, self.relaxing[probe], dt)
             for name in law.weights:
                 del kept[name]
             kept |= stress

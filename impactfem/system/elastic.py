@@ -20,6 +20,7 @@ from impactfem.system.following import FollowingPressures
 from impactfem.system.loads import Loads
 from impactfem.system.matrices import BodyMatrices, body_forms, body_matrices
 from impactfem.system.nodes import Nodes, body_nodes
+from impactfem.system.point_memory import PointMemory, TermPlaces
 from impactfem.system.relaxation import Relaxation
 from impactfem.system.stress import NodalFields
 from impactfem.system.supports import Supports, find_supports
@@ -50,6 +51,8 @@ class ElasticSystem:
         rayleigh_stiffness: [s].
         relaxation: Maxwell terms; see there.
         fields: Stress, under finite strain strain too, at the nodes.
+        memory: `impactfem.system.point_memory.PointMemory` or `TermPlaces` of Maxwell terms whose
+            stress displacements do not say: the march moves it, fields show it; else None.
         axisymmetric: Whether x is the distance from the axis: then the whole body's momentum and
             mean displacement along x are zero, and its centre of mass lies on the axis.
     """
@@ -68,6 +71,7 @@ class ElasticSystem:
     relaxation: Relaxation
     fields: NodalFields
     axisymmetric: bool = False
+    memory: Any = None
 
     @property
     def comm(self) -> Any:
@@ -247,6 +251,11 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
     node_mass = loads.body_forces[0, :: nodes.dim].copy()
     lumped = _lumped(nodes, forms, node_mass, supports)
     displacement, velocity = _initial_state(nodes, supports, solid, node_mass)
+    memory: PointMemory | TermPlaces | None = None
+    if solid.is_finite and solid.relaxing:
+        memory = PointMemory(nodes, solid, forms.degree)
+    elif solid.creeps_unlike and solid.relaxing:
+        memory = TermPlaces(nodes, solid)
     return ElasticSystem(
         nodes=nodes,
         supports=supports,
@@ -260,8 +269,9 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
         rayleigh_mass=solid.rayleigh_mass,
         rayleigh_stiffness=solid.retardation,
         relaxation=Relaxation.of(() if solid.creeps_unlike else solid.relaxing),
-        fields=NodalFields(nodes, forms, partial(shown, nodes, forms, solid)),
+        fields=NodalFields(nodes, forms, partial(shown, nodes, forms, solid, memory)),
         axisymmetric=axisymmetric,
+        memory=memory,
     )
 
 

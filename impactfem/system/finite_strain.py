@@ -1,6 +1,7 @@
 """Internal forces, tangents and energies of a body under finite strain, assembled by DOLFINx."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +18,7 @@ from impactfem.system.materials import constants_of, materials_of
 from impactfem.system.matrices import body_forms
 from impactfem.system.mean_dilatation import CondensedMatrix, MeanDilatation
 from impactfem.system.nodes import Nodes
-from impactfem.system.point_memory import PointMemory
+from impactfem.system.point_memory import PointMemory, TermPlaces
 from impactfem.system.point_stress import PointStress
 from impactfem.system.step_solvers import RenewedSolver
 
@@ -63,24 +64,35 @@ def mean_dilatation(
     return MeanDilatation(forms, before, after, own.bulk, own.damped)
 
 
-def shown(nodes: Nodes, elastic: ElasticForms, solid: Any, displacement: Any) -> tuple[Any, Any]:
+def shown(
+    nodes: Nodes,
+    elastic: ElasticForms,
+    solid: Any,
+    memory: PointMemory | TermPlaces | None,
+    displacement: Any,
+) -> tuple[Any, Any]:
     """Fields of a displacement as `ElasticForms.fields`, and what is called before they are read.
 
     Args:
         nodes: Nodes of the body.
         elastic: Forms of linear elasticity.
         solid: The body.
+        memory: What its Maxwell terms remember, where displacements do not say it.
         displacement: Function of the space.
     """
+    if isinstance(memory, TermPlaces):
+        return elastic.fields(displacement, memory.terms), memory.refresh
     if not solid.is_finite:
         return elastic.fields(displacement), None
-    forms = finite_forms(nodes, elastic, solid)
-    mean = mean_dilatation(nodes, forms, solid, displacement, displacement)
+    forms = finite_forms(nodes, elastic, solid, memory=memory)
+    # Amid a step terms have weights; what is shown lies between two steps.
+    still = replace(forms, memory=None)
+    mean = mean_dilatation(nodes, still, solid, displacement, displacement)
     points = _points(forms)
 
     def refresh() -> None:
         if mean is not None:
-            mean.update()
+            mean.update(0.0 if memory is None else memory.held)
         if points is not None:
             points.update(displacement, displacement, slopes=False)
 
@@ -104,19 +116,30 @@ class FiniteStrain:
 
     arms_stay = False
 
-    def __init__(self, nodes: Nodes, solid: Any, following: FollowingPressures) -> None:
+    def __init__(
+        self,
+        nodes: Nodes,
+        solid: Any,
+        following: FollowingPressures,
+        memory: PointMemory | None = None,
+    ) -> None:
         """Compile the forms (collective).
 
         Args:
             nodes: Nodes of the body.
             solid: `impactfem.scene.solids.Solid` with ``strain = "finite"``.
             following: Its pressures that follow the surface.
+            memory: Of its Maxwell terms, if others look at it too; it is cleared.
         """
         space = nodes.space
         self._comm = nodes.comm
         self._viscosity = dolfinx_fem.Constant(space.mesh, 0.0)
         elastic = body_forms(nodes, solid)
-        self._memory = PointMemory(nodes, solid, elastic.degree) if solid.relaxing else None
+        self._memory = memory if solid.relaxing else None
+        if self._memory is not None:
+            self._memory.forget()
+        elif solid.relaxing:
+            self._memory = PointMemory(nodes, solid, elastic.degree)
         forms = finite_forms(nodes, elastic, solid, self._viscosity, self._memory)
         self._before, self._after = dolfinx_fem.Function(space), dolfinx_fem.Function(space)
         self._mean = mean_dilatation(nodes, forms, solid, self._before, self._after)

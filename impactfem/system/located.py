@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from impactfem.scene.orthotropic import PLACES, seen_by
 from impactfem.scene.solids import RESIDUAL
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.materials import CellMaterials, law_rows, materials_of
+from impactfem.system.relaxation import Relaxation
 from impactfem.system.true_stress import TrueStress
 
 OUTSIDE = 0.05
@@ -36,6 +38,8 @@ class Located:
             (nodes, dim); under finite strain what `law` needs instead.
         law: Of the true stress under finite strain, which is not linear.
         residual: Components of the residual stress there [Pa], by name.
+        relaxing: Maxwell terms there that are not in the displacements which strain; see
+            `impactfem.marching.rows.Level.straining`.
     """
 
     numbers: Integers
@@ -43,6 +47,7 @@ class Located:
     stress: dict[str, Floats]
     law: TrueStress | None = None
     residual: Mapping[str, float] = field(default_factory=dict)
+    relaxing: Relaxation = field(default_factory=partial(Relaxation.of, ()))
 
 
 def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats:
@@ -97,7 +102,7 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
             one = every.at([best[2]])
             row, mean = law_rows(one, solid, one.local)[0], float(one.bulk[0])
             points = _points(cell, x, axisymmetric=system.axisymmetric)
-            law = TrueStress(slopes, hoop[:, 0], row, mean, points)
+            law = TrueStress(slopes, hoop[:, 0], row, mean, points, _linear(made, solid.model))
             stress = law.weights
         else:
             stress = _stress(cell, x, at, made, solid.model)
@@ -107,7 +112,9 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         of = solid.of_groups[next(each)] if solid.materials else solid
         given = zip(RESIDUAL[len(point)], of.residual_stress or (), strict=False)
         residual = {name: float(formula(**place)) for name, formula in given}
-        answer = Located(nodes.numbers[own], basis, stress, law, residual)
+        terms = of.relaxing if solid.is_finite or solid.creeps_unlike else ()
+        relaxing = Relaxation.of(terms)
+        answer = Located(nodes.numbers[own], basis, stress, law, residual, relaxing)
     located: Located = comm.bcast(answer, root=winner[2])
     return located
 
@@ -228,6 +235,13 @@ def _stress(
     if dim == 2 and not flat:
         found["szz"] = lame * trace + 2.0 * shear * hoop
     return found
+
+
+def _linear(made: CellMaterials, model: str) -> Floats:
+    """C of small strains of a cell [Pa], without what the mean of its volume is asked for."""
+    whole = made.whole.copy() if made.whole.size else made.shear * np.diag([2.0] * 3 + [1.0] * 3)
+    whole[:3, :3] += made.local - (made.lame if made.whole.size else 0.0)
+    return seen_by(whole, model)
 
 
 def _whole_stress(whole: Floats, slopes: Floats, hoop: Floats) -> dict[str, Floats]:

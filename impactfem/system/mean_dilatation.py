@@ -74,10 +74,14 @@ class MeanDilatation:
         self._slopes = fem.compile_form(ufl.derivative(end, after))
         self._volumes = fem.assemble_vector(fem.compile_form(forms.elastic.measured(q)))
 
-    def update(self) -> None:
-        """Set the pressures of the step (collective)."""
+    def update(self, more: Floats | float = 0.0) -> None:
+        """Set the pressures of the step (collective).
+
+        Args:
+            more: Over the bulk modulus what is added, of the owned cells.
+        """
         start, end = self._excess(self._start), self._excess(self._end)
-        self._set(self._pressures(start, end))
+        self._set(self._pressures(start, end) + self._bulk * more)
 
     def energy(self) -> float:
         """U at the end of the step, of the cells of this rank [J]."""

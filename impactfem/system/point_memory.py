@@ -25,6 +25,27 @@ from impactfem.system.nodes import Nodes
 from impactfem.system.point_kernels import strain_change
 
 
+class TermPlaces:
+    """The same of bodies of small strains whose materials creep each in its own way, to be shown.
+
+    Attributes:
+        terms: UFL coefficients g of each and functions r.
+        values: r of the owned dofs, (terms, dofs).
+    """
+
+    def __init__(self, nodes: Nodes, solid: Any) -> None:
+        """Begin at rest (collective); see `PointMemory`."""
+        shares, made = relaxing_of(nodes, solid)[1], constants_of(nodes, solid)
+        self.terms = [(made(share), dolfinx_fem.Function(nodes.space)) for share in shares]
+        self.values = np.zeros((len(shares), 0))
+
+    def refresh(self) -> None:
+        """Set the functions (collective)."""
+        for (_, kept), values in zip(self.terms, self.values, strict=True):
+            kept.x.array[: len(values)] = values
+            kept.x.scatter_forward()
+
+
 class PointMemory:
     """The terms of a body, one for each time of relaxation.
 
@@ -63,6 +84,13 @@ class PointMemory:
         self.excess = np.zeros((len(self.times), owned))
         self._steps = np.full(len(self.times), np.inf)
 
+    def forget(self) -> None:
+        """Begin anew, at rest."""
+        for kept, weight in zip(self.kept, self.weights, strict=True):
+            kept.x.array[:] = weight.value = 0.0
+        self.excess = np.zeros_like(self.excess)
+        self._steps = np.full(len(self.times), np.inf)
+
     def begin(self, step: float) -> None:
         """Take the length of a step [s]."""
         self._steps = 0.5 * step / self.times
@@ -92,6 +120,12 @@ class PointMemory:
         """Over the bulk modulus those that a change of the mean dilatation finds amid a step."""
         weights = (1.0 / (1.0 + self._steps))[:, None]
         found: Floats = (self.cells * weights * (self.excess + 0.5 * swept)).sum(axis=0)
+        return found
+
+    @property
+    def held(self) -> Floats:
+        """Over the bulk modulus the pressures between steps, of the owned cells."""
+        found: Floats = (self.cells * self.excess).sum(axis=0)
         return found
 
     @property

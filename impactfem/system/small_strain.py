@@ -11,6 +11,7 @@ from impactfem.fem import MPI, PETSc
 from impactfem.system.materials import materials_of, relaxing_of
 from impactfem.system.matrices import body_forms, body_stiffness
 from impactfem.system.nodes import Nodes
+from impactfem.system.point_memory import TermPlaces
 from impactfem.system.relaxation import Relaxation, named
 from impactfem.system.step_solvers import KeptSolvers
 
@@ -22,12 +23,13 @@ class SmallStrain:
 
     arms_stay = True
 
-    def __init__(self, nodes: Nodes, solid: Any) -> None:
+    def __init__(self, nodes: Nodes, solid: Any, places: TermPlaces | None = None) -> None:
         """Assemble the stiffness (collective).
 
         Args:
             nodes: Nodes of the body.
             solid: `impactfem.scene.solids.Solid`.
+            places: Is told what terms of unlike materials remember.
         """
         self._comm = nodes.comm
         self._stiffness = body_stiffness(
@@ -48,7 +50,8 @@ class SmallStrain:
                 )
                 for share in every
             )
-        self._relaxing = self._relaxation.rest(self._source.getLocalSize())
+        self._places = places
+        self._remember(self._relaxation.rest(self._source.getLocalSize()))
         self._step, self._retardation = math.inf, 0.0
 
     def retard(self, retardation: float, step: float) -> None:
@@ -71,7 +74,13 @@ class SmallStrain:
     def settle(self, before: Floats, after: Floats) -> None:
         """Take Maxwell terms to the end of a step."""
         if self._relaxation:
-            self._relaxing = self._relaxation.after(self._relaxing, after - before, self._step)
+            way = after - before
+            self._remember(self._relaxation.after(self._relaxing, way, self._step))
+
+    def _remember(self, relaxing: Floats) -> None:
+        self._relaxing = relaxing
+        if self._places is not None:
+            self._places.values = relaxing
 
     def straining(self, displacement: Floats) -> Floats:
         """Displacement whose elastic stress is that of the body, but for unlike materials."""

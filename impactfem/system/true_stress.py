@@ -8,6 +8,7 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.scene.orthotropic import PLACES
 from impactfem.system.law_kernels import stress, thickened
+from impactfem.system.relaxation import Relaxation
 
 _ORDER = {2: ("xx", "yy", "xy", "zz"), 3: ("xx", "yy", "zz", "xy", "yz", "xz")}
 
@@ -23,6 +24,7 @@ class TrueStress:
         bulk: Of nearly incompressible bodies what of lambda is asked of the mean of J in the cell
             [Pa]; else 0.
         cell: Slopes, weights of the hoop strain and volumes at points of it, (points, ...).
+        linear: C of small strains but for that [Pa], (6, 6) or (4, 4), of Maxwell terms.
     """
 
     slopes: Floats
@@ -30,6 +32,7 @@ class TrueStress:
     material: Floats
     bulk: float
     cell: tuple[Floats, Floats, Floats]
+    linear: Floats
 
     @property
     def weights(self) -> dict[str, Floats]:
@@ -38,8 +41,14 @@ class TrueStress:
         unit = np.eye(count).reshape(count, *self.slopes.shape)
         return {f"u{k}": each for k, each in enumerate(unit)}
 
-    def of(self, kept: Any) -> dict[str, Floats]:
-        """Components [Pa] by what `weights` has kept, shape (rows,) each."""
+    def of(self, kept: Any, relaxing: Relaxation, dt: float) -> dict[str, Floats]:
+        """Components [Pa] by what `weights` has kept, shape (rows,) each.
+
+        Args:
+            kept: From t = 0 on, where there are Maxwell terms.
+            relaxing: These.
+            dt: Between two rows [s].
+        """
         dim = self.slopes.shape[1]
         moved = np.stack([kept[name] for name in self.weights], axis=1)
         moved = moved.reshape(len(moved), *self.slopes.shape)
@@ -55,6 +64,8 @@ class TrueStress:
             if flat:
                 across = thickened(self.material, six[0], six[1], six[3])
                 full[k, 2, 2] = np.sqrt(1.0 + 2.0 * across)
+        if relaxing:
+            pushed += self._linearly(relaxing.exceeding(strain, dt))
         ratio = np.linalg.det(full)
         true = full @ pushed @ full.transpose(0, 2, 1) / ratio[:, None, None]
         if self.bulk:
@@ -64,10 +75,21 @@ class TrueStress:
                 size * np.linalg.det(_gradient(moved, *at) + np.eye(3)) for *at, size in each
             )
             mean = np.asarray(sums) / volumes.sum()
-            true += (self.bulk * np.log(mean) / mean)[:, None, None] * np.eye(3)
+            pressed = np.log(mean) / mean
+            if relaxing:
+                pressed = pressed + relaxing.exceeding(mean, dt)
+            true += (self.bulk * pressed)[:, None, None] * np.eye(3)
         return {
             f"s{name}": true[:, "xyz".index(name[0]), "xyz".index(name[1])] for name in _ORDER[dim]
         }
+
+    def _linearly(self, strain: Floats) -> Floats:
+        """C : E of strains, (rows, 3, 3) both."""
+        found, places = np.zeros_like(strain), PLACES[: len(self.linear)]
+        each = np.stack([strain[:, i, j] * (1.0 if i == j else 2.0) for i, j in places], axis=1)
+        for (i, j), values in zip(places, self.linear @ each.T, strict=True):
+            found[:, i, j] = found[:, j, i] = values
+        return found
 
 
 def _gradient(moved: Floats, slopes: Floats, hoop: Floats) -> Floats:

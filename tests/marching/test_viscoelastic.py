@@ -364,6 +364,28 @@ def test_groups_relax_each_in_its_own_way(tmp_path, ratio):
 
 
 @pytest.mark.parallel(1)
+def test_groups_show_their_own_stress(tmp_path):
+    """Probes and fields of small strains and of finite ones agree as far as strains are small."""
+    laws = {"near": {"viscoelastic": RELAXING}, "far": {"viscoelastic": RETARDED}}
+    own = {"materials": laws, "poisson_ratio": 0.3, "velocity": [0, 0], "degree": 1,
+           "displacement": ["1e-5*x*x", "0"]}  # fmt: skip
+    watched = [
+        MIDDLE[0] | {"name": name, "point": [x, 0.3]} for name, x in (("p", 0.3), ("q", 1.6))
+    ]
+    shown = []
+    for more in ({"strain": "small"}, {"material": "neo_hookean"}):
+        run = scene(layers(tmp_path, **own, **more), duration=0.6, obstacle=(), dt=0.02,
+                    method="conserving", probe=watched,
+                    output={"fields": ["vtkhdf"], "every": 10})  # fmt: skip
+        result = impactfem.solve(run)
+        each = [result.history[f"{p}.{s}"].values for p in "pq" for s in ("sxx", "syy", "szz")]
+        every = range(len(result.fields.times))
+        shown.append([*each, *(result.fields.read(k, "von_mises")["von_mises"] for k in every)])
+    for small, finite in zip(*shown, strict=True):
+        assert np.abs(small - finite).max() <= 4e-4 * np.abs(finite).max()  # ten times the strain
+
+
+@pytest.mark.parallel(1)
 def test_groups_that_relax_alike_are_one_body(tmp_path):
     """By steps that are solved anew, and by those of a body of one material."""
     alike = {"near": {"viscoelastic": RELAXING}, "far": {"viscoelastic": RELAXING}}
@@ -383,20 +405,75 @@ def test_groups_that_relax_alike_are_one_body(tmp_path):
         assert np.abs(other - energies[0]).max() <= 1e-9 * energies[0][0]
 
 
+def followed(values, dt):
+    """Sum of g r of what moves as sampled: r is the integral of exp(-(t - s) / tau) dE(s)."""
+    found, times = np.zeros_like(values), dt * np.arange(len(values))
+    for share, tau in TERMS:
+        grown = np.exp((times[1:] - 0.5 * dt) / tau) * np.diff(values)
+        found[1:] += share * np.exp(-times[1:] / tau) * np.cumsum(grown)
+    return found
+
+
+@pytest.mark.parallel(1)
+@pytest.mark.parametrize("ratio", [0.3, 0.49])
+def test_true_stress_has_what_terms_remember(ratio):
+    """Of a stretch by 1.6 in 0.5 s that is held: sigma = F (S + sum g C : r) F^T / J, 5e-6.
+
+    Of the nearly incompressible body lambda's part follows J, as a pressure.
+    """
+    fine, dt, end = 100, 0.01, 0.5
+    ramp = {"surface": "right", "kind": "motion", "value": [f"1.2*min(t, {end})", "0"]}
+    held = {"surface": "left", "kind": "motion", "value": ["0", "0"]}
+    body = block(**NEO | {"poisson_ratio": ratio, "velocity": [0, 0], "contact_surfaces": None,
+                          "supports": [held, ramp]})  # fmt: skip
+    watched = [{"name": "p", "body": "block", "point": [0.4, 0.3], "quantities": ["stress"]}]
+    given = scene(body, duration=1.5, obstacle=(), method="conserving", probe=watched,
+                  output={"fields": ["vtkhdf"], "every": 50})  # fmt: skip
+    result = impactfem.solve(given)
+    times = dt / fine * np.arange(150 * fine + 1)
+    stretch = 1.0 + 1.2 * np.minimum(times, end)
+    shear, lame = 0.5 / (1.0 + ratio), ratio / ((1.0 + ratio) * (1.0 - 2.0 * ratio))
+    green = followed(0.5 * (stretch**2 - 1.0), dt / fine)
+    pressed = lame * np.log(stretch) / stretch
+    pressed = pressed + lame * followed(stretch, dt / fine) * (ratio > 0.45)
+    bulk = lame * green * (ratio < 0.45)
+    along = pressed + shear * (stretch - 1.0 / stretch) + stretch * (bulk + 2.0 * shear * green)
+    across = pressed + bulk / stretch
+    known = np.stack([along, across, 0.0 * along, across])[:, ::fine]
+    found = [result.history[f"p.{name}"].values for name in ("sxx", "syy", "sxy", "szz")]
+    assert np.abs(found - known).max() <= 5e-6 * along.max()
+    for layer, time in enumerate(result.fields.times):
+        shown = result.fields.read(layer, "cauchy_stress", "von_mises")
+        true = shown["cauchy_stress"].reshape(-1, 3, 3)
+        at = known[:, round(time / dt)]
+        rows, columns = [0, 1, 0, 2], [0, 1, 1, 2]
+        assert np.abs(true[:, rows, columns] - at).max() <= 5e-6 * along.max()
+        assert np.abs(shown["von_mises"] - (at[0] - at[1])).max() <= 1e-5 * along.max()
+
+
 @pytest.mark.parallel(1)
 def test_a_run_under_finite_strain_goes_on_to_the_bit(tmp_path, monkeypatch):
     own = NEO | {"poisson_ratio": 0.48, "velocity": [0, -0.1]}
-    given = scene(block(0.5, **own), duration=0.5, method="conserving",
-                  output={"fields": [], "checkpoint": 10})  # fmt: skip
+    given = scene(block(0.5, **own), duration=0.5, method="conserving", probe=MIDDLE,
+                  output={"fields": ["vtkhdf"], "every": 10, "checkpoint": 10})  # fmt: skip
     check_restart(given, 27, tmp_path, monkeypatch)
 
 
-FINITE_ENERGY = 0.0040996672340273
+MIDDLE = [{"name": "p", "body": "block", "point": [0.3, 0.3], "quantities": ["stress"]}]
+FINITE_ENERGY, FINITE_STRESS, FINITE_MISES = 0.0040996672340273, -0.22137335474103, 1.12824675003772
 
 
 @pytest.mark.parallel([1, 2])
 def test_ranks_remember_the_same():
     own = NEO | {"velocity": [0, -0.1]}
-    given = scene(block(0.5, **own), duration=0.6, method="conserving")
-    energy = impactfem.solve(given).history["total_energy"].values[-1]
+    given = scene(block(0.5, **own), duration=0.6, method="conserving", probe=MIDDLE,
+                  output={"fields": ["vtkhdf"], "every": 60})  # fmt: skip
+    result = impactfem.solve(given)
+    energy = result.history["total_energy"].values[-1]
     parallel_assert(abs(energy / FINITE_ENERGY - 1.0) <= 1e-9, str(energy))
+    stress = result.history["p.syy"].values[-1]
+    parallel_assert(abs(stress / FINITE_STRESS - 1.0) <= 1e-9, str(stress))
+    mises = FINITE_MISES  # on rank 0 alone there are fields
+    if result.fields is not None:
+        mises = float(result.fields.read(1, "von_mises")["von_mises"].sum())
+    parallel_assert(abs(mises / FINITE_MISES - 1.0) <= 1e-9, str(mises))
