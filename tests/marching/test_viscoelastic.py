@@ -368,7 +368,7 @@ def test_groups_show_their_own_stress(tmp_path):
     """Probes and fields of small strains and of finite ones agree as far as strains are small."""
     laws = {"near": {"viscoelastic": RELAXING}, "far": {"viscoelastic": RETARDED}}
     own = {"materials": laws, "poisson_ratio": 0.3, "velocity": [0, 0], "degree": 1,
-           "displacement": ["1e-5*x*x", "0"]}  # fmt: skip
+           "displacement": ["1e-5*x*x", "1e-5*x*y"]}  # fmt: skip
     watched = [
         MIDDLE[0] | {"name": name, "point": [x, 0.3]} for name, x in (("p", 0.3), ("q", 1.6))
     ]
@@ -378,7 +378,7 @@ def test_groups_show_their_own_stress(tmp_path):
                     method="conserving", probe=watched,
                     output={"fields": ["vtkhdf"], "every": 10})  # fmt: skip
         result = impactfem.solve(run)
-        each = [result.history[f"{p}.{s}"].values for p in "pq" for s in ("sxx", "syy", "szz")]
+        each = [result.history[f"{p}.{s}"].values for p in "pq" for s in STRESSES]
         every = range(len(result.fields.times))
         shown.append([*each, *(result.fields.read(k, "von_mises")["von_mises"] for k in every)])
     for small, finite in zip(*shown, strict=True):
@@ -440,7 +440,7 @@ def test_true_stress_has_what_terms_remember(ratio):
     along = pressed + shear * (stretch - 1.0 / stretch) + stretch * (bulk + 2.0 * shear * green)
     across = pressed + bulk / stretch
     known = np.stack([along, across, 0.0 * along, across])[:, ::fine]
-    found = [result.history[f"p.{name}"].values for name in ("sxx", "syy", "sxy", "szz")]
+    found = [result.history[f"p.{name}"].values for name in STRESSES]
     assert np.abs(found - known).max() <= 5e-6 * along.max()
     for layer, time in enumerate(result.fields.times):
         shown = result.fields.read(layer, "cauchy_stress", "von_mises")
@@ -459,6 +459,7 @@ def test_a_run_under_finite_strain_goes_on_to_the_bit(tmp_path, monkeypatch):
     check_restart(given, 27, tmp_path, monkeypatch)
 
 
+STRESSES = ("sxx", "syy", "sxy", "szz")
 MIDDLE = [{"name": "p", "body": "block", "point": [0.3, 0.3], "quantities": ["stress"]}]
 FINITE_ENERGY, FINITE_STRESS, FINITE_MISES = 0.0040996672340273, -0.22137335474103, 1.12824675003772
 
