@@ -446,7 +446,7 @@ def _interior(
     if scheme.explicit:
         return Leapfrog(part.system, surface, statics, transfer, dt)
     if callable(scheme.interior):
-        if part.system.relaxation:
+        if part.solid.relaxing:
             raise SceneError(
                 f"solve.method: an extension moves the inside of {part.solid.name}, and its "
                 'Maxwell terms (viscoelastic) relax in the midpoint rule only; give "massless"'

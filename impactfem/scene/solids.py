@@ -471,6 +471,11 @@ class Solid(BodyKind):
         return tuple((term.modulus / modulus, term.time) for term in law.terms)
 
     @property
+    def remembered(self) -> tuple[tuple[float, float], ...]:
+        """Those of `relaxing` whose stress is not that of some displacement: all or none."""
+        return self.relaxing if self.is_finite or self.creeps_unlike else ()
+
+    @property
     def creeps_unlike(self) -> bool:
         """Whether its materials relax or are retarded, and not all alike."""
         each = {(one.relaxing, one.rayleigh_stiffness) for one in self.of_groups.values()}

@@ -251,11 +251,10 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
     node_mass = loads.body_forces[0, :: nodes.dim].copy()
     lumped = _lumped(nodes, forms, node_mass, supports)
     displacement, velocity = _initial_state(nodes, supports, solid, node_mass)
-    memory: PointMemory | TermPlaces | None = None
-    if solid.is_finite and solid.relaxing:
-        memory = PointMemory(nodes, solid, forms.degree)
-    elif solid.creeps_unlike and solid.relaxing:
-        memory = TermPlaces(nodes, solid)
+    memory: Any = None
+    if solid.remembered:
+        finite = solid.is_finite
+        memory = PointMemory(nodes, solid, forms.degree) if finite else TermPlaces(nodes, solid)
     return ElasticSystem(
         nodes=nodes,
         supports=supports,
@@ -268,7 +267,7 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
         velocity=velocity,
         rayleigh_mass=solid.rayleigh_mass,
         rayleigh_stiffness=solid.retardation,
-        relaxation=Relaxation.of(() if solid.creeps_unlike else solid.relaxing),
+        relaxation=Relaxation.of(() if solid.remembered else solid.relaxing),
         fields=NodalFields(nodes, forms, partial(shown, nodes, forms, solid, memory)),
         axisymmetric=axisymmetric,
         memory=memory,

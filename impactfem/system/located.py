@@ -38,8 +38,7 @@ class Located:
             (nodes, dim); under finite strain what `law` needs instead.
         law: Of the true stress under finite strain, which is not linear.
         residual: Components of the residual stress there [Pa], by name.
-        relaxing: Maxwell terms there that are not in the displacements which strain; see
-            `impactfem.marching.rows.Level.straining`.
+        relaxing: Maxwell terms there that `Level.straining` does not hold.
     """
 
     numbers: Integers
@@ -112,8 +111,7 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         of = solid.of_groups[next(each)] if solid.materials else solid
         given = zip(RESIDUAL[len(point)], of.residual_stress or (), strict=False)
         residual = {name: float(formula(**place)) for name, formula in given}
-        terms = of.relaxing if solid.is_finite or solid.creeps_unlike else ()
-        relaxing = Relaxation.of(terms)
+        relaxing = Relaxation.of(of.relaxing if solid.remembered else ())
         answer = Located(nodes.numbers[own], basis, stress, law, residual, relaxing)
     located: Located = comm.bcast(answer, root=winner[2])
     return located
