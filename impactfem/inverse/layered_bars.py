@@ -84,7 +84,7 @@ class LayeredBars(HeldSets):
         """Numbers of a run and their derivatives, with the active set of the run.
 
         By a reversed sweep for each number; by differences where numbers are many more than
-        unknowns, of unknowns that change the layers, and before a wall that gives way.
+        unknowns, of unknowns that change the layers, before a wall that gives way and from rest.
         """
         scene = changes.scene
         motion = self.march(scene, None)
@@ -92,7 +92,9 @@ class LayeredBars(HeldSets):
         read = self.reader(changes, quantities, marks)
         outcome = self.told(scene, quantities.times, motion)
         numbers = quantities.read(outcome, scene)
-        if len(numbers) > _MANY * len(changes.values) or scene.bar.wall_stiffness is not None:
+        many = len(numbers) > _MANY * len(changes.values)
+        # What changes an equilibrium changes the start too.
+        if many or scene.bar.wall_stiffness is not None or scene.starts_at_rest:
             return differences(changes, read)
         travel = scene.bar.length * self.nodes
         adjoints = Adjoints(changes, quantities, motion, marks, travel, self._dt)

@@ -2,8 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
+
+from impactfem.findings import Finding, by_limits, percent
 from impactfem.planning import Plan
 from impactfem.planning.bar_errors import rounding_findings
 from impactfem.reference.bar import Errors
@@ -12,7 +15,7 @@ from impactfem.result.table import Table
 from impactfem.runs.line_bodies import bar_figures
 from impactfem.runs.line_probes import bar_probes, thinned
 from impactfem.runs.run import Cost, Run
-from impactfem.scene import Scene
+from impactfem.scene import Bar, Scene
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,19 @@ class Measured:
     curves: Table | None
     contact: Mapping[str, Any] = field(default_factory=dict)
     window: float = 0.0
+
+
+def _moved(scene: Scene) -> tuple[Finding, ...]:
+    """How far a bar had to go until the wall held it."""
+    (body,), bar = scene.bodies, scene.bar
+    if bar.far_end == "clamped":
+        return ()
+    given = cast("Bar", body)
+    way = float(given.initial_displacement(x=0.0) - bar.initial_displacement(x=0.0))
+    share = way / bar.length
+    text = f'start = "static" has moved {bar.name} by {way:.3g} m, {percent(share)} of its length'
+    remedy = "check that this is the rest that is meant, or give it no gap"
+    return by_limits("setting", share, (0.01, np.inf), text, bar.name, remedy)
 
 
 def run_of_bars(
@@ -55,6 +71,8 @@ def run_of_bars(
     if errors is not None and any(told.code == "rounding_growth" for told in plan.findings):
         grown = rounding_findings(errors.displacement_max, "has grown")
         effort = replace(effort, findings=grown, measured=("rounding_growth",))
+    if scene.starts_at_rest:
+        effort = replace(effort, findings=(*effort.findings, *_moved(scene)))
     names = tuple(bar.name for bar in scene.bars)
     return Run(
         used=used,

@@ -399,7 +399,7 @@ class Bar(BodyKind):
 
     def _check_near_end(self) -> None:
         start = self.gap + float(self.displacement(x=0.0))
-        if start < 0:
+        if start < 0 and self.wall_stiffness is None:
             raise self._fail(
                 "displacement",
                 f"puts the near end inside the wall: gap + displacement(0) = {start:.6g} < 0; "

@@ -233,10 +233,14 @@ class Content:
         bars = self._all(Bar)
         if len(bars) != len(self.bodies) or self.couplings or self.sampled:
             return ()
-        if not self.gives_way:
+        if self.gives_way:
+            wall = self._spring_wall
+            bars = () if wall is None else (replace(bars[0], wall_stiffness=wall),)
+        if not self.starts_at_rest or len(bars) != 1:
             return bars
-        wall = self._spring_wall
-        return () if wall is None else (replace(bars[0], wall_stiffness=wall),)
+        from impactfem.scene.bar_rest import resting  # noqa: PLC0415  (rare)
+
+        return (resting(bars[0], float(self.axial_gravity(0.0))),)
 
     @cached_property
     def _spring_wall(self) -> float | None:
@@ -395,7 +399,7 @@ def why_marched(scene: Content) -> str | None:
     kinds = sorted(scene.kinds)
     if len(kinds) > 1:
         return f"bodies of different kinds ({', '.join(kinds)})"
-    if scene.sampled or scene.couplings or scene.starts_at_rest:
+    if scene.sampled or scene.couplings or (scene.starts_at_rest and not scene.bars):
         return _of_scene(scene)
     given_way = scene.gives_way and not scene.bars
     if not all(body.marches_alone for body in scene.bodies) and not given_way:

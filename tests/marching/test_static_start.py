@@ -296,6 +296,7 @@ def test_other_bodies_are_refused():
         "obstacle": [{"name": "wall", "kind": "wall"}],
     }  # fmt: skip
     says = "brings bodies of kind solid and point and rod and beam and rigid and mechanism and "
-    says += "springs and plate to rest"
+    says += "springs and plate and a bar alone before a wall to rest"
+    table["body"].append({**table["body"][0], "name": "c", "gap": 2.0})
     with pytest.raises(SceneError, match=f'start = "static" {says}, b is a bar: remove it'):
         Scene.from_dict(table)
