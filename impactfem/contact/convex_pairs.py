@@ -242,8 +242,28 @@ def settled[Found](look: Callable[[Floats, bool], tuple[Floats, Found]], aims: F
     return found
 
 
+class Shaped(Anew):
+    """A shape `one` that is held off something."""
+
+    one: Marked
+
+    @property
+    def nodes(self) -> Integers:
+        """Places of all its nodes among all contact nodes."""
+        return self.one.nodes
+
+    def behind(self, places: Floats) -> float:  # noqa: ARG002
+        """0: gaps tell."""
+        return 0.0
+
+    @property
+    def thickness(self) -> float:
+        """Way [m] to the middle of the body, from which on it would be pushed out elsewhere."""
+        return 0.5 * self.one.shape.thickness
+
+
 @dataclass(frozen=True)
-class ConvexPair(Anew):
+class ConvexPair(Shaped):
     """Two convex bodies that are held off each other.
 
     Attributes:
@@ -264,10 +284,6 @@ class ConvexPair(Anew):
     def nodes(self) -> Integers:
         """Places of all its nodes among all contact nodes."""
         return np.concatenate([self.one.nodes, self.other.nodes])
-
-    def behind(self, places: Floats) -> float:  # noqa: ARG002
-        """0: gaps tell."""
-        return 0.0
 
     @property
     def thickness(self) -> float:

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Booleans, Floats, Integers
-from impactfem.contact.convex_pairs import Marked, Placed
+from impactfem.contact.convex_pairs import Marked, Placed, Shaped
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.meeting import Anew, Meeting, Turning
+from impactfem.contact.meeting import Meeting, Turning
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.obstacles.base import Ridges
 from impactfem.system.rigid import in_space
@@ -24,7 +24,7 @@ _WIDER = 0.02  # sine by which directions may lie beside the normals: bodies tur
 
 
 @dataclass(frozen=True)
-class OnRidges(Anew):
+class OnRidges(Shaped):
     """A body on an obstacle: two gaps of each of its corners, one of each ridge.
 
     Attributes:
@@ -44,20 +44,6 @@ class OnRidges(Anew):
     total: int
     touch: float
     led: float = 0.0
-
-    @property
-    def nodes(self) -> Integers:
-        """Places of all its nodes among all contact nodes."""
-        return self.one.nodes
-
-    def behind(self, places: Floats) -> float:  # noqa: ARG002
-        """0: gaps tell."""
-        return 0.0
-
-    @property
-    def thickness(self) -> float:
-        """Way [m] to the middle of the body, from which on it would be pushed out elsewhere."""
-        return 0.5 * self.one.shape.thickness
 
     @property
     def count(self) -> int:

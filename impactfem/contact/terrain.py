@@ -13,9 +13,9 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Booleans, Floats, Integers
-from impactfem.contact.convex_pairs import Marked, Placed, Pose, settled
+from impactfem.contact.convex_pairs import Marked, Placed, Pose, Shaped, settled
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.meeting import Anew, Meeting, Turning
+from impactfem.contact.meeting import Meeting, Turning
 from impactfem.contact.terrain_kernels import struck
 from impactfem.scene.closed_surface import ClosedSurface
 from impactfem.scene.surface_kernels import triangles_in
@@ -162,7 +162,7 @@ class Terrain:
 
 
 @dataclass(frozen=True)
-class OnTerrain(Anew):
+class OnTerrain(Shaped):
     """A shape on a surface.
 
     Attributes:
@@ -180,16 +180,6 @@ class OnTerrain(Anew):
     total: int
     touch: float
     led: float = 0.0
-
-    @property
-    def nodes(self) -> Integers:
-        """Places of all its nodes among all contact nodes."""
-        return self.one.nodes
-
-    @property
-    def thickness(self) -> float:
-        """Way [m] to the middle of the body, from which on it would be pushed out elsewhere."""
-        return 0.5 * self.one.shape.thickness
 
     @property
     def count(self) -> int:
