@@ -205,9 +205,35 @@ class Named(dict[str, Any]):
         return hash(frozenset(self.items()))
 
 
+class ByName(Kind):
+    """Entries under names that a file gives, which only its reader knows."""
+
+    @override
+    def read(self, value: object) -> Mapping[str, Any]:
+        if not isinstance(value, Mapping):
+            if not value and isinstance(value, list | tuple):
+                return Named()
+            raise NotAllowedError(f"it is {type_in_words(value)}, not a table")
+        found = Named()
+        for name, entry in self._named(value):
+            try:
+                found[name] = self._entry(entry)
+            except KeyedError as error:
+                raise error.under(name) from None
+            except NotAllowedError as error:
+                raise EntryNotAllowedError(f".{name}", entry, str(error)) from None
+        return found
+
+    def _named(self, value: Mapping[Any, object]) -> list[tuple[str, object]]:
+        return [(str(name), entry) for name, entry in value.items()]
+
+    def _entry(self, entry: object) -> Any:
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class TablesByName(Kind):
-    """Tables of one class under names that a file gives, which only its reader knows."""
+class TablesByName(ByName):
+    """Tables of one class by name."""
 
     type_name: ClassVar[str] = "table of tables"
     cls: type[Any]
@@ -219,20 +245,8 @@ class TablesByName(Kind):
         return f"a table {{ NAME = {{ ... }} }} with the keys {names} for each name"
 
     @override
-    def read(self, value: object) -> Mapping[str, Any]:
-        if not isinstance(value, Mapping):
-            if not value and isinstance(value, list | tuple):
-                return Named()
-            raise NotAllowedError(f"it is {type_in_words(value)}, not a table")
-        found = Named()
-        for name, entry in value.items():
-            try:
-                found[str(name)] = InlineTable((self.cls,)).read(entry)
-            except KeyedError as error:
-                raise error.under(str(name)) from None
-            except NotAllowedError as error:
-                raise EntryNotAllowedError(f".{name}", entry, str(error)) from None
-        return found
+    def _entry(self, entry: object) -> Any:
+        return InlineTable((self.cls,)).read(entry)
 
     @override
     def write(self, value: Mapping[str, Any]) -> dict[str, Any]:

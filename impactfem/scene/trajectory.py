@@ -6,17 +6,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, override
 
 from impactfem.scene.given import Given, Tables
-from impactfem.scene.inline import InlineTable, ListOf, Named, NumberOrList
-from impactfem.scene.kinds import Choice, Integer, Kind, Line, Name, Real
+from impactfem.scene.inline import ByName, InlineTable, ListOf, NumberOrList
+from impactfem.scene.kinds import Choice, Integer, Line, Name, Real
 from impactfem.scene.schema import KeyedError, key, table
-from impactfem.scene.values import (
-    EntryNotAllowedError,
-    NotAllowedError,
-    is_number,
-    number,
-    show,
-    type_in_words,
-)
+from impactfem.scene.values import NotAllowedError, is_number, number, show
 
 TRANSCRIPTIONS = (
     "euler", "midpoint", "trapezoid", "hermite_simpson", "multiple_shooting", "single_shooting",
@@ -27,7 +20,7 @@ _COSTS = ("effort", "time")
 
 
 @dataclass(frozen=True)
-class RangesByName(Kind):
+class RangesByName(ByName):
     """A value, a pair of limits, or "free", under names of columns."""
 
     type_name: ClassVar[str] = "table of numbers"
@@ -38,21 +31,11 @@ class RangesByName(Kind):
         return 'a table { "COLUMN" = value } with numbers, pairs of limits or "free"'
 
     @override
-    def read(self, value: object) -> Mapping[str, tuple[float, float]]:
-        if not isinstance(value, Mapping):
-            if not value and isinstance(value, list | tuple):
-                return Named()
-            raise NotAllowedError(f"it is {type_in_words(value)}, not a table")
-        found = Named()
-        for name, entry in _flat(value):
-            try:
-                found[name] = self._range(entry)
-            except NotAllowedError as error:
-                raise EntryNotAllowedError(f".{name}", entry, str(error)) from None
-        return found
+    def _named(self, value: Mapping[Any, object]) -> list[tuple[str, object]]:
+        return _flat(value)
 
-    @staticmethod
-    def _range(entry: object) -> tuple[float, float]:
+    @override
+    def _entry(self, entry: object) -> tuple[float, float]:
         if entry == FREE:
             return -math.inf, math.inf
         if is_number(entry):
