@@ -15,7 +15,7 @@ from impactfem.scene.grammar import Node
 from impactfem.scene.joints import GROUND
 from impactfem.scene.values import show
 from impactfem.trajectory.symbols import loaded
-from impactfem.trajectory.tree import Freedom, Part, Tree
+from impactfem.trajectory.tree import Freedom, Part, Tree, in_space
 
 if TYPE_CHECKING:
     from impactfem.trajectory.robots import RobotParts
@@ -183,7 +183,7 @@ class _Reader:
                 else:
                     self.places[joint.name] = len(freedoms)
                 chain.append(len(freedoms))
-                point = _space(joint.point or ())
+                point = in_space(joint.point or ())
                 freedoms.append(Freedom(*name, turns, axis, point, start))
             chains[child] = chain
 
@@ -205,7 +205,9 @@ class _Reader:
         if isinstance(body, RigidBody):
             chains[name].append(len(freedoms))
             freedoms.append(
-                Freedom(f"{name}.angle", f"{name}.spin", True, _ACROSS, _space(centre), body.angle)
+                Freedom(
+                    f"{name}.angle", f"{name}.spin", True, _ACROSS, in_space(centre), body.angle
+                )
             )
 
     @staticmethod
@@ -231,7 +233,7 @@ class _Reader:
 
     @staticmethod
     def _part(body: Any, chain: Sequence[int]) -> Part:
-        centre, inertia = _space(_centre(body)), np.zeros((3, 3))
+        centre, inertia = in_space(_centre(body)), np.zeros((3, 3))
         if isinstance(body, Point):
             return Part(body.name, chain, body.mass, centre, inertia)
         if body.dim == 2:
@@ -262,7 +264,7 @@ class _Reader:
         gravity = self.scene.vector_gravity
         if not gravity.is_constant:
             raise SceneError("gravity: changes in time; a trajectory knows a constant one")
-        return _space(gravity.at(0.0))
+        return in_space(gravity.at(0.0))
 
     def _forces(self, body: Any) -> None:
         """Gravity, forces by formula, springs of a point."""
@@ -278,7 +280,7 @@ class _Reader:
             told = [self._value(each, known) for each in body.moment]
             tree.twist(body.name, casadi.vertcat(*([0.0, 0.0] if len(told) == 1 else []), *told))
         for spring in getattr(body, "springs", ()):
-            other = np.zeros(3) if spring.anchor is None else _space(spring.anchor)
+            other = np.zeros(3) if spring.anchor is None else in_space(spring.anchor)
             end = tree.place(None, other) if spring.to is None else tree.centre(spring.to)
             away = centre - end
             if spring.rest_length:
@@ -316,10 +318,10 @@ class _Reader:
             ]
             begun = [np.zeros(3) if n is None else tree.parts[n].centre for n in (one, two)]
         else:
-            begun = [_space(place) for place in joint.places]
+            begun = [in_space(place) for place in joint.places]
             ends = [tree.place(n, at) for n, at in zip((one, two), begun, strict=True)]
         if isinstance(joint, SpringRow):
-            axis = casadi.DM(_space(joint.axis or ()))
+            axis = casadi.DM(in_space(joint.axis or ()))
             way = (ends[1] - ends[0]) - casadi.DM(begun[1] - begun[0])
             return casadi.dot(way, axis)
         return casadi.norm_2(ends[1] - ends[0])
@@ -442,11 +444,5 @@ def _speed(body: Any) -> Any:
 
 
 def _unit(axis: Sequence[float]) -> Floats:
-    found = _space(axis)
+    found = in_space(axis)
     return np.asarray(found / np.linalg.norm(found))
-
-
-def _space(values: Any) -> Floats:
-    found = np.zeros(3)
-    found[: len(values)] = values
-    return found

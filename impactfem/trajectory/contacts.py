@@ -23,7 +23,7 @@ from impactfem.system.generalized import GeneralizedSystem
 from impactfem.trajectory.bodies import Symbolic, in_symbols
 from impactfem.trajectory.impacts import Impact
 from impactfem.trajectory.symbols import loaded
-from impactfem.trajectory.tree import Tree
+from impactfem.trajectory.tree import Tree, in_space
 
 _CORNERS = 16  # of a body that keeps off an obstacle
 _STILL = Signal()
@@ -169,14 +169,14 @@ def _on_plane(
     if plane.rotation is not None:
         return None
     casadi, found = loaded(), []
-    normal, shift = casadi.DM(_space(plane.unit_normal)), casadi.SX.zeros(3)
+    normal, shift = casadi.DM(in_space(plane.unit_normal)), casadi.SX.zeros(3)
     formulas = plane.motion or ()
     for k, formula in enumerate(formulas):
         shift[k] = in_symbols(formula, {"t": tree.t})
     motion = Signal(formulas=tuple(zip(plane.unit_normal, formulas, strict=False)))
     for place, radius in zip(*nodes, strict=True):
         at = tree.place(body, place)
-        still = casadi.dot(normal, at - casadi.DM(_space(plane.point))) - radius
+        still = casadi.dot(normal, at - casadi.DM(in_space(plane.point))) - radius
         moves = _speed(tree, body, at - radius * normal) - casadi.jacobian(shift, tree.t)
         found.append(
             Closing(f"{body} on {plane.name}", still=still, slip=along(moves, normal), **of_law,
@@ -215,14 +215,14 @@ def _pairs(scene: Scene) -> list[tuple[str, str]]:
 def _outline(body: Any) -> tuple[Floats, Floats] | None:
     """Centres at t = 0 (k, 3) and radii (k,) of balls whose hull it is; None: it is none."""
     if isinstance(body, Point):
-        return _space(body.position)[None], np.array([body.radius])
+        return in_space(body.position)[None], np.array([body.radius])
     if isinstance(body, Mechanism):
         return None
     form = body.form
     if len(form.rim) or len(form.nodes) > _CORNERS:
         return None
     nodes = body.center + (form.nodes - body.center) @ body.rotation.T
-    return np.array([_space(node) for node in nodes]), np.broadcast_to(form.radius, len(nodes))
+    return np.array([in_space(node) for node in nodes]), np.broadcast_to(form.radius, len(nodes))
 
 
 def system_of(
@@ -294,10 +294,3 @@ def _array(name: str, given: Sequence[Any], told: Any) -> Callable[..., Floats]:
         return np.asarray(function(*numbers), dtype=float)
 
     return call
-
-
-def _space(values: Any) -> Floats:
-    """Three numbers, 0 where fewer are given."""
-    found = np.zeros(3)
-    found[: len(values)] = values
-    return found

@@ -104,9 +104,12 @@ def _one(
     n, u, start = len(problem.states), motion.controls[k], motion.times[k]
     span = motion.times[k + 1] - start
 
-    def rate(t: float, x: Floats) -> Floats:
+    def told_at(function: Any, t: float, x: Floats) -> tuple[Floats, ...]:
         control = parabola(u, np.array((t - start) / span))
-        told = _called(problem.rate, t, x[:n], control, motion.parameters)
+        return _called(function, t, x[:n], control, motion.parameters)
+
+    def rate(t: float, x: Floats) -> Floats:
+        told = told_at(problem.rate, t, x)
         return np.concatenate([told[0].ravel(), told[1].ravel()])
 
     # What only is a sum does not choose the step; SciPy takes no endless tolerance.
@@ -115,15 +118,12 @@ def _one(
         return _integrated(rate, start, at, begun, small)
 
     def gaps(t: float, x: Floats) -> Floats:
-        control = parabola(u, np.array((t - start) / span))
-        return _called(problem.gaps, t, x[:n], control, motion.parameters)[0].ravel()
+        return told_at(problem.gaps, t, x)[0].ravel()
 
     def jump(j: int, t: float, x: Floats) -> Floats:
         if struck is not None:
             struck.append((t, j))
-        control = parabola(u, np.array((t - start) / span))
-        after = _called(problem.jumps[j], t, x[:n], control, motion.parameters)[0]
-        return np.append(after.ravel(), x[n:])
+        return np.append(told_at(problem.jumps[j], t, x)[0].ravel(), x[n:])
 
     return _through(rate, gaps, jump, start, at, begun, small)
 

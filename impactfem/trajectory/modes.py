@@ -197,6 +197,12 @@ class Forces:
         return np.where(found > 0.0, found, 1.0)
 
 
+def _spans(motions: Sequence[Motion], sizes: Sizes) -> Floats:
+    """How far states go in all of the phases, (n,)."""
+    states = np.concatenate([motion.states for motion in motions])
+    return np.asarray(np.maximum(np.ptp(states, axis=0), 1e-3 * sizes.states))
+
+
 def _small(matrix: Any, right: Any) -> Any:
     """Of few rows, by QR in symbols."""
     return loaded().solve(matrix, right)
@@ -358,7 +364,7 @@ class _Search:
         guesses = [_part(guess, k, count) for k in range(count)]
         found = self.solved(meshes, guesses, sizes, cost_size(self.problem, guess, sizes))
         for _ in range(_ROUNDS if self.refine else 0):
-            spans = self._spans(found, sizes)
+            spans = _spans(found.motions, sizes)
             defects = [np.abs(each.defects / spans).max(axis=1) for each in found.followed]
             if found.answer.status != "converged" or max(d.max() for d in defects) <= self.refine:
                 break
@@ -373,10 +379,6 @@ class _Search:
             found = finer
         return found
 
-    def _spans(self, found: _Found, sizes: Sizes) -> Floats:
-        states = np.concatenate([motion.states for motion in found.motions])
-        return np.asarray(np.maximum(np.ptp(states, axis=0), 1e-3 * sizes.states))
-
     def solved(
         self, meshes: list[Floats], guesses: list[Guess], sizes: Sizes, size: float
     ) -> _Found:
@@ -387,9 +389,7 @@ class _Search:
                 break
             size, guesses = abs(answer.cost), [Guess.of(motion) for motion in motions]
         self.rounds.append(sum(len(mesh) - 1 for mesh in meshes))
-        spans = np.maximum(
-            np.ptp(np.concatenate([m.states for m in motions]), axis=0), 1e-3 * sizes.states
-        )
+        spans = _spans(motions, sizes)
         along = [
             followed(phase.problem, motion, spans)
             for phase, motion in zip(self.phases, motions, strict=True)
@@ -483,7 +483,7 @@ class _Search:
             np.concatenate([each.defects for each in found.followed]),
         )  # fmt: skip
         self.ends = ends
-        return motion, along, self._spans(found, self.sizes)
+        return motion, along, _spans(found.motions, self.sizes)
 
 
 def _name(names: Sequence[str], row: int) -> str:

@@ -149,41 +149,36 @@ class Problem:
         symbols = self._symbols()
         told = tried("dynamics", self.dynamics, self._asked(symbols))
         cost = 0 if self.running is None else tried("running", self.running, self._asked(symbols))
-        return _function("rate", symbols, [told, cost])
+        return expanded("rate", symbols, [told, cost])
 
     @cached_property
     def limited(self) -> Any:
         """(t, x, u, p) to what stays <= 0, (c,)."""
         symbols = self._symbols()
-        told: Any = loaded().MX(0, 1)
-        if self.path is not None:
-            told = tried("path", self.path, self._asked(symbols))
-        return _function("limited", symbols, [told])
+        return expanded("limited", symbols, [self._entries("path", self.path, symbols)])
 
     @cached_property
     def gaps(self) -> Any:
         """(t, x, u, p) to the gaps of impacts, (J,)."""
         symbols = self._symbols()
         told = [tried(each.name, each.gap, self._asked(symbols)) for each in self.impacts]
-        return _function("gaps", symbols, [loaded().vertcat(loaded().MX(0, 1), *told)])
+        return expanded("gaps", symbols, [loaded().vertcat(loaded().MX(0, 1), *told)])
 
     @cached_property
     def paired(self) -> Any:
         """(t, x, u, p) to the first and the second factors of products that are 0, (k,) each."""
         symbols = self._symbols()
-        told: Any = loaded().MX(0, 1)
-        if self.pairs is not None:
-            told = tried("pairs", self.pairs, self._asked(symbols))
+        told = self._entries("pairs", self.pairs, symbols)
         if told.numel() % 2:
             raise SceneError(f"pairs: are {told.numel()} entries; give two of each product")
-        return _function("paired", symbols, [told[::2], told[1::2]])
+        return expanded("paired", symbols, [told[::2], told[1::2]])
 
     @cached_property
     def jumps(self) -> list[Any]:
         """Of each impact (t, x, u, p) to the states just after it, (n,)."""
         symbols = self._symbols()
         return [
-            _function("jump", symbols, [tried(each.name, each.jump, self._asked(symbols))])
+            expanded("jump", symbols, [tried(each.name, each.jump, self._asked(symbols))])
             for each in self.impacts
         ]
 
@@ -194,7 +189,7 @@ class Problem:
         told = 0
         if self.final is not None:
             told = tried("final", self.final, (t, x, p) if self.parameters else (t, x))
-        return _function("last", (t, x, p), [told])
+        return expanded("last", (t, x, p), [told])
 
     def path_name(self, which: int) -> str:
         """For messages."""
@@ -205,11 +200,16 @@ class Problem:
         sizes = {"t": 1, "x": len(self.states), "u": len(self.controls), "p": len(self.parameters)}
         return tuple(loaded().MX.sym(name, size) for name, size in sizes.items())
 
+    def _entries(self, name: str, function: Any, symbols: Sequence[Any]) -> Any:
+        if function is None:
+            return loaded().MX(0, 1)
+        return tried(name, function, self._asked(symbols))
+
     def _asked(self, symbols: Sequence[Any]) -> Sequence[Any]:
         return symbols if self.parameters else symbols[:3]
 
 
-def _function(name: str, symbols: Sequence[Any], told: Sequence[Any]) -> Any:
+def expanded(name: str, symbols: Sequence[Any], told: Sequence[Any]) -> Any:
     """A function of CasADi: of scalars, which is faster, where all it holds can be."""
     made = loaded().Function(name, list(symbols), list(told))
     try:

@@ -15,7 +15,7 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.trajectory.impacts import LOOKS, MOST, first_impact
-from impactfem.trajectory.problem import Problem
+from impactfem.trajectory.problem import Problem, expanded
 from impactfem.trajectory.symbols import loaded
 from impactfem.trajectory.transcriptions import runge_kutta
 
@@ -44,7 +44,7 @@ class Struck:
             "fly", [t, x, u, slope, p, length], list(flow(t, x, u, end, p, length))
         )
         gaps = problem.gaps(t + length, flow(t, x, u, end, p, length)[0], end, p)
-        self.look = _expanded(
+        self.look = expanded(
             "look", [t, x, u, slope, p, length], [gaps, casadi.jacobian(gaps, length)]
         )
         self.looks = self.look.map("looks", "serial", LOOKS, [0, 1, 2, 3, 4], [])
@@ -191,11 +191,3 @@ def _level(struck: Struck, order: int) -> Any:
 
 def _symbols(sizes: Sequence[int]) -> list[Any]:
     return [loaded().MX.sym(name, size) for name, size in zip("txuvph", sizes, strict=True)]
-
-
-def _expanded(name: str, given: Sequence[Any], told: Sequence[Any]) -> Any:
-    made = loaded().Function(name, list(given), list(told))
-    try:
-        return made.expand()
-    except RuntimeError:  # it calls what is no formula
-        return made

@@ -102,7 +102,7 @@ class Tree:
     def place(self, part: str | None, point: Floats) -> Any:
         """Where a material point of a body is that was somewhere at t = 0 (3,); None: ground."""
         casadi = loaded()
-        at = casadi.DM(_in_space(point))
+        at = casadi.DM(in_space(point))
         if part is None:
             return casadi.SX(at)
         turn, shift, _ = self._poses[part]
@@ -123,7 +123,7 @@ class Tree:
     def turned(self, part: str | None, direction: Floats) -> Any:
         """A direction of a body that was so at t = 0 (3,)."""
         casadi = loaded()
-        along = casadi.DM(_in_space(direction))
+        along = casadi.DM(in_space(direction))
         return casadi.SX(along) if part is None else self._poses[part][0] @ along
 
     def push(self, place: Any, force: Any) -> None:
@@ -135,7 +135,7 @@ class Tree:
         casadi = loaded()
         centre = self.centre(part)
         self.push(centre, casadi.DM(pull))
-        begun = casadi.DM(_in_space(self.parts[part].centre))
+        begun = casadi.DM(in_space(self.parts[part].centre))
         self.falls.append(-casadi.dot(casadi.DM(pull), centre - begun))
 
     def pull(self, way: Any, stiffness: float, damping: float) -> None:
@@ -200,7 +200,7 @@ def _rotation(axis: Floats, angle: Any) -> Any:
     )
 
 
-def _in_space(values: Any) -> Floats:
+def in_space(values: Any) -> Floats:
     """Three numbers, 0 where fewer are given."""
     found = np.zeros(3)
     found[: len(values)] = values
