@@ -75,7 +75,7 @@ class Adjoints:
             rows = np.array([self._row(add, marks) for add in read]).reshape(len(read), -1) @ by
             for side, columns in zip(found, own, strict=True):
                 side[:, columns] = rows[:, columns]
-        self._add_efforts(found)
+        self._quantities.add_efforts(found, self._run.scene)
         return (found[0], found[1]), known
 
     def _given(self, scene: Scene) -> Given:
@@ -134,14 +134,3 @@ class Adjoints:
                 split += [(open_, own & ~into), (shut, own & into)]
             groups = [(marks, own) for marks, own in split if own.any()]
         return [(marks, (own[0], own[1])) for marks, own in groups]
-
-    def _add_efforts(self, found: Floats) -> None:
-        """Derivatives of terms that controls change without the motion."""
-        scene, terms = self._run.scene, self._quantities.all_terms
-        first = len(scene.parameters)
-        for control in scene.controls:
-            own = slice(first, first := first + control.count)
-            for k, term in enumerate(terms):
-                if term.term == "effort" and term.of == control.name:
-                    row = found.shape[1] - len(terms) + k
-                    found[:, row, own] += control.effort_slope(scene.duration)

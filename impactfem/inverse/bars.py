@@ -179,10 +179,7 @@ def differences(changes: Changes, read: Callable[[Floats], Floats]) -> Slopes:
             raise SceneError(f"{why}{beside.refused}")
         above[:, k], below[:, k] = sides[0] / size, sides[-1] / size
         kinked |= len(sides) == 2 and apart(sides, moved)
-    mean = 0.5 * (above + below)
-    if not kinked:
-        return Slopes(beside.numbers, mean, [])
-    return Slopes(beside.numbers, mean, [], 0.0, (below, above))
+    return Slopes.of_sides(beside.numbers, below, above, kinked=kinked)
 
 
 class _Beside:

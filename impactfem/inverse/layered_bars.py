@@ -106,7 +106,4 @@ class LayeredBars(HeldSets):
             some = changes.some(~known)
             rest = differences(some, self.reader(some, quantities, marks))
             below[:, ~known], above[:, ~known] = rest.sides or (rest.jacobian, rest.jacobian)
-        mean = 0.5 * (below + above)
-        if not apart([below, above]):
-            return Slopes(numbers, mean, [])
-        return Slopes(numbers, mean, [], 0.0, (below, above))
+        return Slopes.of_sides(numbers, below, above, kinked=apart([below, above]))

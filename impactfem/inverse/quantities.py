@@ -95,6 +95,15 @@ class Quantities:
             [*found, [self._term(term, outcome, scene) for term in self.all_terms]]
         )
 
+    def add_efforts(self, found: Floats, scene: Scene) -> None:
+        """Add derivatives (..., n, P) of terms that controls of a scene change without motion."""
+        first, terms = len(scene.parameters), self.all_terms
+        for control in scene.controls:
+            own = slice(first, first := first + control.count)
+            for k, term in enumerate(terms):
+                if term.term == "effort" and term.of == control.name:
+                    found[..., k - len(terms), own] += control.effort_slope(scene.duration)
+
     def _measured(self, index: int, outcome: Outcome, times: Floats) -> Floats:
         measure = self.scene.measures[index]
         kind, _, name = measure.of.partition(".")

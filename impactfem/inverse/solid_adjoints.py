@@ -132,6 +132,7 @@ class Adjoints:
         kept: Kept, pairs: Mapping[str, "Pair"],
     ) -> None:  # fmt: skip
         self._runs, self._changes, self._ready = runs, changes, ready
+        self._quantities = quantities
         self._numbers = _Numbers(changes.scene, quantities, ready, kept, pairs)
         self._march, self._reversed = kept.trail.march, ReversedMarch(kept.trail)
         self._scene, self._start = changes.scene, _Start.of(ready)
@@ -153,7 +154,7 @@ class Adjoints:
         number = np.concatenate([np.arange(count).repeat(layers), *(np.arange(count),) * 2])
         sums = csr_array((np.ones(len(number)), (number, np.arange(len(number)))))
         found = np.asarray((sums @ by).toarray())
-        self._numbers.add_efforts(found)
+        self._quantities.add_efforts(found, self._scene)
         return found, known
 
     @cached_property
@@ -320,16 +321,6 @@ class _Numbers:
             found.append(self._now)
         return found
 
-    def add_efforts(self, found: Floats) -> None:
-        """Derivatives of terms that controls change without the motion."""
-        first, terms = len(self._scene.parameters), self._quantities.all_terms
-        for control in self._scene.controls:
-            own = slice(first, first := first + control.count)
-            for k, term in enumerate(terms):
-                if term.term == "effort" and term.of == control.name:
-                    row = len(found) - len(terms) + k
-                    found[row, own] += control.effort_slope(self._scene.duration)
-
     def _put(self, level: int, add: Callable[[Reading], None]) -> None:
         self._now.setdefault(level, []).append(add)
 
@@ -377,7 +368,7 @@ class _Numbers:
         for body, name in enumerate(self._names):
             mass = self._whole.factor * self._masses[name]
             for axis, g in enumerate(pull):
-                self._over(partial(self._place, body, axis), time, -mass * g)
+                self._over(partial(self._centre, 0, body, axis), time, -mass * g)
         return True
 
     def _over(self, part: Part, time: float, weight: float = 1.0) -> bool:
@@ -394,7 +385,7 @@ class _Numbers:
         body, _, of = name.rpartition(".")
         if body in self._names and of in {"x", "y", "z", "vx", "vy", "vz"}:
             at, axis = self._names.index(body), _AXES.index(of[-1])
-            return partial(self._place if len(of) == 1 else self._rate, at, axis)
+            return partial(self._centre, len(of) - 1, at, axis)
         kind, _, pair = name.partition(".")
         if kind == "force" and pair in self._pairs:
             return partial(self._force, pair)
@@ -469,17 +460,12 @@ class _Numbers:
         """
         return place, *self._pressed_by(self._gathered(place))
 
-    def _place(self, body: int, axis: int, level: int, weight: float) -> None:
-        """Of the centre of a body."""
+    def _centre(self, order: int, body: int, axis: int, level: int, weight: float) -> None:
+        """Place (0) or velocity (1) of the centre of a body."""
         if not self._fixed(body, axis):
-            row = self._sums[body][0][axis] / self._masses[self._names[body]]
-            self._put(level, lambda r: _add(r.place[self._own[body]], weight * row))
-
-    def _rate(self, body: int, axis: int, level: int, weight: float) -> None:
-        """Velocity of the centre of a body."""
-        if not self._fixed(body, axis):
-            row = self._sums[body][1][axis] / self._masses[self._names[body]]
-            self._put(level, lambda r: _add(r.rate[self._own[body]], weight * row))
+            row = self._sums[body][order][axis] / self._masses[self._names[body]]
+            own = self._own[body]
+            self._put(level, lambda r: _add((r.place, r.rate)[order][own], weight * row))
 
     def _fixed(self, body: int, axis: int) -> bool:
         """Whether symmetry holds the centre of a body along an axis."""
@@ -501,13 +487,13 @@ class _Numbers:
 
     def _along(self, body: int, time: float, way: Floats) -> bool:
         for axis, share in enumerate(way.tolist()):
-            self._over(partial(self._rate, body, axis), time, share)
+            self._over(partial(self._centre, 1, body, axis), time, share)
         return True
 
     def _speed(self, body: int, level: int, weight: float) -> None:
         velocity = self._velocity(body, level * self._dt)
         for axis, share in enumerate(_direction(velocity).tolist()):
-            self._rate(body, axis, level, weight * share)
+            self._centre(1, body, axis, level, weight * share)
 
     def _force(self, pair: str | None, row: int, weight: float) -> None:
         """Of a pair in a row of the history, of all pairs if None."""

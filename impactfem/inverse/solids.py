@@ -268,10 +268,7 @@ class _Beside:
         below, above = np.zeros((2, len(self.numbers), count))
         for k in range(count):
             below[:, k], above[:, k] = self._sides(k)
-        mean = 0.5 * (below + above)
-        if not apart([below, above]):
-            return Slopes(self.numbers, mean, [])
-        return Slopes(self.numbers, mean, [], 0.0, (below, above))
+        return Slopes.of_sides(self.numbers, below, above, kinked=apart([below, above]))
 
     def _sides(self, k: int) -> tuple[Floats, Floats]:
         """Derivatives below and above an unknown, twice the same where sets stay on both sides."""

@@ -35,6 +35,12 @@ class Slopes(NamedTuple):
     margin: float = float("inf")
     sides: tuple[Floats, Floats] | None = None
 
+    @classmethod
+    def of_sides(cls, numbers: Floats, below: Floats, above: Floats, *, kinked: bool) -> "Slopes":
+        """Those on both sides, which are told where they differ, or else their mean alone."""
+        mean = 0.5 * (below + above)
+        return cls(numbers, mean, [], 0.0, (below, above)) if kinked else cls(numbers, mean, [])
+
 
 @dataclass(frozen=True)
 class Changes:
