@@ -6,7 +6,7 @@ with contact forces F of the layer and H where the free motion is halfway. Each 
 bodies, of which there are few, and only rank 0 sums them up.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -42,6 +42,13 @@ class FewInterior(Watched, Meshless):
     Attributes:
         bodies: What moves.
     """
+
+    strike: Callable[[Floats], None]
+    """Adds the layer's contact forces (count, dim)."""
+    advance: Callable[[], Any]
+    """Takes what was found as the state; the work of loads [J]."""
+    summed: Callable[..., list[Sums]]
+    """Sums now, with the work of loads since the last ones [J]."""
 
     def __init__(
         self, bodies: FewBodies, gravity: PiecewiseVector, dt: float, *, counts: bool
@@ -132,6 +139,18 @@ class FewInterior(Watched, Meshless):
     def acting(self, body: int, forces: Floats) -> Floats:
         """Contact forces [N] on these nodes by those on all contact nodes, (nodes, dim) each."""
         return np.asarray(forces[self.bodies.nodes_of(body)])
+
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
+        """Add the layer's contact forces (count, dim)."""
+        self.strike(forces)
+
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """End the layer and sum up."""
+        return self.summed(self.advance())
+
+    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """Sums of the initial state."""
+        return self.summed(0.0)
 
     def stress(self, body: int) -> Floats:  # noqa: ARG002  (of bars)
         """Axial stress at these nodes [Pa], (nodes,); NaN if it is not known."""
@@ -464,10 +483,6 @@ class FewMidpoint(FewInterior):
             self._ahead = self._ahead + self._answer @ forces.ravel()
         else:
             self.strike(forces)
-
-    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
-        """End the layer and sum up."""
-        return self.summed(self.advance())
 
     def advance(self) -> Floats:
         """Take the coordinates and rates that were found; the work of loads [J], (d,)."""

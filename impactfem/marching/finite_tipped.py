@@ -20,7 +20,7 @@ from impactfem.marching.followed_tips import FollowedTips
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.stations import Held
 from impactfem.system.elastic import ElasticSystem
-from impactfem.system.linear import LinearSolver
+from impactfem.system.linear import LinearSolver, of_mass
 from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes
 
@@ -167,15 +167,7 @@ class FiniteTipped(FiniteMidpoint):
     def _kicked(self, impulses: Floats) -> Floats:
         """Velocities by impulses on nodes of the tips, without time (collective)."""
         if self._kicks is None:
-            matrix = self._system.stiffness.copy()
-            matrix.zeroEntries()
-            matrix.axpy(1.0, self._mass)
-            own = matrix.getDiagonal()
-            own.setArray(np.where(self._still, 1.0, own.getArray()))
-            matrix.setDiagonal(own)
-            own.destroy()
-            near = self._system.stiffness.getNearNullSpace()
-            self._kicks = LinearSolver(matrix, self._kind, near)
+            self._kicks = of_mass(self._system.stiffness, self._mass, self._still, self._kind)
         source, image = self._vectors
         source.setArray(self._pull(impulses))
         image.set(0.0)

@@ -315,10 +315,6 @@ class FlexibleMidpoint(FewInterior):
 
     answers = columns
 
-    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
-        """Add the layer's contact forces (count, dim)."""
-        self.strike(forces)
-
     def strike(self, forces: Floats) -> None:
         """The same."""
         self._pushed = self._pushed + self.span * self._on_nodes(forces)
@@ -445,14 +441,6 @@ class FlexibleMidpoint(FewInterior):
         self._way = np.zeros_like(self._way)
         self._look_at_start()
         return work
-
-    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
-        """End the layer and sum up."""
-        return self.summed(self.advance())
-
-    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
-        """Sums of the initial state."""
-        return self.summed(0.0)
 
     def spins(self) -> Floats:
         """Velocities of the contact nodes by unit spins [m], (turns, count, dim)."""

@@ -345,10 +345,6 @@ class NetMidpoint(FewInterior):
 
     answers = columns
 
-    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
-        """Add the layer's contact forces (count, dim)."""
-        self.strike(forces)
-
     def strike(self, forces: Floats) -> None:
         """The same."""
         more = self.span * forces[self.bodies.free].ravel()
@@ -413,14 +409,6 @@ class NetMidpoint(FewInterior):
         super().remember(memory)
         if self._led is not None:
             self._led = self._led_ahead = memory["led"][0].copy(), memory["led"][1].copy()
-
-    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
-        """End the layer and sum up."""
-        return self.summed(self.advance())
-
-    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
-        """Sums of the initial state."""
-        return self.summed(0.0)
 
     def spins(self) -> Floats:
         """Velocities of the contact nodes by unit spins [m], (turns, count, dim)."""

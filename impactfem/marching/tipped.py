@@ -16,7 +16,7 @@ from impactfem.marching.layers import Sums
 from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.stations import Held
 from impactfem.system.elastic import ElasticSystem
-from impactfem.system.linear import LinearSolver
+from impactfem.system.linear import of_mass
 from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
@@ -83,14 +83,7 @@ class TippedMidpoint(Midpoint):
 
     def _kicked(self, pulls: list[Floats], linear_solver: str) -> Floats:
         """Velocities by unit impulses that leave no time for anything else, (d, owned dofs)."""
-        matrix = self._system.stiffness.copy()
-        matrix.zeroEntries()
-        matrix.axpy(1.0, self._mass)
-        own = matrix.getDiagonal()
-        own.setArray(np.where(self._still, 1.0, own.getArray()))
-        matrix.setDiagonal(own)
-        own.destroy()
-        solver = LinearSolver(matrix, linear_solver, self._system.stiffness.getNearNullSpace())
+        solver = of_mass(self._system.stiffness, self._mass, self._still, linear_solver)
         found = np.zeros((len(pulls), len(self._still)))
         for k, pull in enumerate(pulls):
             self._right.setArray(pull)

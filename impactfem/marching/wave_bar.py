@@ -167,10 +167,6 @@ class WaveBar(FewInterior):
         """Displacements of the ends at the end of the step, as it is solved now [m]."""
         return self.bodies.places(self._q + self._span * self._ahead) - self._start
 
-    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
-        """Add the step's contact forces (2, dim)."""
-        self.strike(forces)
-
     def lay(self, forces: Floats) -> None:
         """Put the contact forces of the step (2, dim), to be solved for."""
         self._pushed = self._give * (forces @ self.bodies.axis)
@@ -210,14 +206,6 @@ class WaveBar(FewInterior):
             np.array(self._pushes), self._clamped, np.array(self._speeds),
         )  # fmt: skip
         self._borders, self._pushes, self._speeds = [0.0], [], [-self._fallen[0]]
-
-    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
-        """End the layer and sum up."""
-        return self.summed(self.advance())
-
-    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
-        """Sums of the initial state."""
-        return self.summed(0.0)
 
     def shape(self, body: int) -> tuple[Floats, Floats, Integers]:  # noqa: ARG002  (one body)
         """Its axis, undeformed."""

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from impactfem.arrays import Booleans
 from impactfem.errors import ConvergenceError
 from impactfem.fem import PETSc, products_in_order
 
@@ -208,3 +209,15 @@ class LinearSolver:
         if self._scatter is not None:
             for part in (self._scatter, self._right, self._solution):
                 part.destroy()
+
+
+def of_mass(stiffness: Any, mass: Any, still: Booleans, kind: str) -> LinearSolver:
+    """One of a mass matrix with the pattern of a stiffness; held dofs stay (collective)."""
+    matrix = stiffness.copy()
+    matrix.zeroEntries()
+    matrix.axpy(1.0, mass)
+    own = matrix.getDiagonal()
+    own.setArray(np.where(still, 1.0, own.getArray()))
+    matrix.setDiagonal(own)
+    own.destroy()
+    return LinearSolver(matrix, kind, stiffness.getNearNullSpace())
