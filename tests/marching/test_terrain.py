@@ -275,6 +275,7 @@ def test_surfaces_that_are_no_terrain_are_refused(tmp_path, run):
 @pytest.mark.parametrize("base", ["free", "fixed"])
 def test_links_of_a_mechanism_feel_no_seams(tmp_path, base):
     """An arm falls on terrain, or swings down on it, as on a half-space."""
+    pytest.importorskip("pinocchio")
     uneven(tmp_path / "flat.stl")
     shutil.copy(Path(impactfem.__file__).parent / "starters" / "arm.urdf", tmp_path)
     arm = {
