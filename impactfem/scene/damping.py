@@ -19,6 +19,9 @@ MOST_RATIOS = 100
 """Number of modes that may have a damping of their own."""
 FILLED = {"mass": "rayleigh_mass", "stiffness": "rayleigh_stiffness", "ratio": "damping_ratio"}
 """Keys of a body that those of the table stand for."""
+RATIO = "damping of the first mode of vibration over the critical one, by the stiffness"
+"""What the damping ratio of bodies on meshes is."""
+
 QUALITY = (
     "of the first mode of vibration: its energy over what it loses in a radian; by the mass, of a "
     "body that nothing holds by the stiffness"

@@ -17,6 +17,12 @@ from impactfem.scene.viscoelastic import VISCOELASTIC, KelvinVoigt, Maxwell
 if TYPE_CHECKING:
     from impactfem.scene.solids import Solid
 
+STRESS_AT_REST = (
+    "stress in it as it is without displacement: [sxx, syy, sxy], in space [sxx, syy, szz, "
+    "sxy, syz, sxz], of the place"
+)
+"""What `residual_stress` of a body and of one of its materials is."""
+
 _OF_BODY = "as the body has it"
 
 
@@ -67,8 +73,7 @@ class Material:
     )
     residual_stress: MaybeFormulas = key(
         Formulas(SPACE, lengths=(3, 6)),
-        "stress in it as it is without displacement: [sxx, syy, sxy], in space [sxx, syy, szz, "
-        "sxy, syz, sxz], of the place",
+        STRESS_AT_REST,
         unit="Pa",
         default=None,
         absent=_OF_BODY,

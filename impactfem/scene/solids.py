@@ -14,7 +14,7 @@ from impactfem.scene.boundary import (
     Support,
     Traction,
 )
-from impactfem.scene.damping import QUALITY, Damping, fill_damping, filled_keys
+from impactfem.scene.damping import QUALITY, RATIO, Damping, fill_damping, filled_keys
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import FormulaLike, Given, MaybeFormulas, MaybeTable, Tables
@@ -27,7 +27,7 @@ from impactfem.scene.inline import (
     Vector,
 )
 from impactfem.scene.kinds import Choice, FilePath, Integer, Line, Name, Real, RealOrFormula
-from impactfem.scene.materials import Material, solids_of
+from impactfem.scene.materials import STRESS_AT_REST, Material, solids_of
 from impactfem.scene.mesh_files import MESH_FILES, PART
 from impactfem.scene.ogden import OgdenTerm
 from impactfem.scene.orthotropic import OrthotropicSolid
@@ -233,8 +233,7 @@ class Solid(BodyKind):
     )
     residual_stress: MaybeFormulas = key(
         Formulas(SPACE, lengths=(3, 6)),
-        "stress in it as it is without displacement: [sxx, syy, sxy], in space [sxx, syy, szz, "
-        "sxy, syz, sxz], of the place",
+        STRESS_AT_REST,
         unit="Pa",
         default=None,
         absent="none",
@@ -254,11 +253,7 @@ class Solid(BodyKind):
     rayleigh_stiffness: float = key(
         Real(at_least=0), "damping by the stiffness matrix", unit="s", default=0.0
     )
-    damping_ratio: float | None = key(
-        Real(at_least=0, below=1),
-        "damping of the first mode of vibration over the critical one, by the stiffness",
-        default=None, absent="none",
-    )  # fmt: skip
+    damping_ratio: float | None = key(Real(at_least=0, below=1), RATIO, default=None, absent="none")
     quality_factor: float | None = key(Real(above=0), QUALITY, default=None, absent="none")
     damping: MaybeTable[Damping] = key(
         InlineTable((Damping,)), "the same in one table", default=None, absent="none"

@@ -8,7 +8,7 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.boundary import Support
-from impactfem.scene.damping import QUALITY, Damping, fill_damping, filled_keys
+from impactfem.scene.damping import QUALITY, RATIO, Damping, fill_damping, filled_keys
 from impactfem.scene.given import MaybeTable, Tables
 from impactfem.scene.inline import InlineTable, ListOf, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
@@ -90,11 +90,7 @@ class SpringNet(BodyKind):
         Real(at_least=0), "a damper of so many times its stiffness beside each spring", unit="s",
         default=0.0,
     )  # fmt: skip
-    damping_ratio: float | None = key(
-        Real(at_least=0, below=1),
-        "damping of the first mode of vibration over the critical one, by the stiffness",
-        default=None, absent="none",
-    )  # fmt: skip
+    damping_ratio: float | None = key(Real(at_least=0, below=1), RATIO, default=None, absent="none")
     quality_factor: float | None = key(Real(above=0), QUALITY, default=None, absent="none")
     damping: MaybeTable[Damping] = key(
         InlineTable((Damping,)), "the same in one table", default=None, absent="none"
