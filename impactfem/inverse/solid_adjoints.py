@@ -43,8 +43,10 @@ type Part = Callable[[int, float], None]
 
 def reversible(ready: "Ready") -> bool:
     """Whether a march is known backwards."""
-    march, seen = ready.seen.march, ready.seen
+    march, seen, model = ready.seen.march, ready.seen, ready.seen.model
     plain = seen.feedback is None and seen.loop.started is None
+    # Bodies without a mesh of their own: one plate alone.
+    plain = plain and len(model.few) + min(len(model.parts), 1) == 1
     return plain and isinstance(march, SolidMarch) and march.reversible
 
 
@@ -67,11 +69,15 @@ class Kept:
         self.trail(level)
         dt = self.trail.march.interior.dt
         if (np.abs(self.times - level.time) < 2.001 * dt).any():
-            self.states[level.layer] = level.displacement.copy(), level.velocity.copy()
+            self.states[level.layer] = self.seen(level)
+
+    def seen(self, level: Level) -> tuple[Floats, Floats]:
+        """Displacements and velocities of a level."""
+        return level.displacement.copy(), level.velocity.copy()
 
 
 @dataclass(frozen=True)
-class _Weights:
+class Weights:
     """Derivatives of all numbers by what changes from scene to scene.
 
     Attributes:
@@ -87,7 +93,7 @@ class _Weights:
 
 
 @dataclass(frozen=True)
-class _Start:
+class Start:
     """What a scene begins with.
 
     Attributes:
@@ -102,15 +108,15 @@ class _Start:
     normals: Floats
 
     @classmethod
-    def of(cls, ready: "Ready") -> "_Start":
+    def of(cls, ready: "Ready") -> "Start":
         """Of a march that is ready to run."""
         march, parts = ready.seen.march, ready.seen.model.parts
         gaps, still = march.gaps, np.zeros_like(march.interior.surface_displacement)
         levels = range(march.layers + 1 if gaps.moves else 1)
         each = [gaps.at(still, still, still, k * march.interior.dt) for k in levels]
         return cls(
-            np.concatenate([part.system.displacement for part in parts]),
-            np.concatenate([part.system.velocity for part in parts]),
+            np.concatenate([np.zeros(0), *(part.system.displacement for part in parts)]),
+            np.concatenate([np.zeros(0), *(part.system.velocity for part in parts)]),
             np.array([gap for gap, _ in each]), each[0][1],
         )  # fmt: skip
 
@@ -133,15 +139,15 @@ class Adjoints:
     ) -> None:  # fmt: skip
         self._runs, self._changes, self._ready = runs, changes, ready
         self._quantities = quantities
-        self._numbers = _Numbers(changes.scene, quantities, ready, kept, pairs)
+        self._numbers = self._numbers_of(changes.scene, quantities, ready, kept, pairs)
         self._march, self._reversed = kept.trail.march, ReversedMarch(kept.trail)
-        self._scene, self._start = changes.scene, _Start.of(ready)
+        self._scene, self._start = changes.scene, self._start_of(ready)
         seen = ready.seen
         self._comm, self._parts = seen.model.comm, seen.model.parts
         sizes = [len(part.system.constrained) for part in self._parts]
         self._own = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
-        free = np.concatenate([~part.system.constrained for part in self._parts])
-        self._reached = np.concatenate([p.system.loads.reached for p in self._parts]) & free
+        reached = [p.system.loads.reached & ~p.system.constrained for p in self._parts]
+        self._reached = np.concatenate([np.zeros(0, dtype=bool), *reached])
 
     def jacobian(self) -> tuple[Floats, Booleans] | None:
         """Derivatives of all numbers (n, P), and of which unknowns they are; None: not known."""
@@ -183,47 +189,58 @@ class Adjoints:
                 passed.destroy()
         return np.asarray(found[self._reached])
 
-    def _weights(self, each: Sequence[Given]) -> _Weights:
+    def _weights(self, each: Sequence[Given]) -> Weights:
         march = self._march
         # Of explicit layers the rate is the step that the velocity makes.
         unit = march.interior.dt if march.skips else 1.0
         levels = np.zeros((len(each), march.layers + 1, len(self._start.normals)))
         for own, given in zip(levels, each, strict=True):
             own[: len(given.gap)] = given.gap
-        return _Weights(
+        return Weights(
             np.array([given.place for given in each]),
             unit * np.array([given.rate for given in each]),
             np.array([given.loads for given in each]), levels,
         )  # fmt: skip
 
-    def _arrays(self, weights: _Weights, scene: Scene) -> Sequence[Local]:
+    def _arrays(self, weights: Weights, scene: Scene) -> Sequence[Local]:
         """What a scene gives, times the derivatives by it.
 
         Raises:
             SceneError: It changes more than loads, starts and places of obstacles.
         """
         starts, start = self._alike(scene), self._start
-        solids = list(zip(scene.solids, self._scene.solids, strict=True))
+        bodies = list(zip(scene.bodies, self._scene.bodies, strict=True))
         if starts:
             ready = self._runs.ready(scene)
             try:
-                start = _Start.of(ready)
+                start = self._start_of(ready)
             finally:
                 ready.destroy()
         if not np.array_equal(start.normals, self._start.normals):
             raise SceneError("its obstacles face another way")
         forces = self._forces
-        if any(getattr(a, name) != getattr(b, name) for a, b in solids for name in _LOADS):
+        each = ((getattr(a, name, ()), getattr(b, name, ())) for a, b in bodies for name in _LOADS)
+        if any(one != other for one, other in each):
             forces = self._loads(scene)
         dt, layers = self._march.interior.dt, np.arange(weights.loads.shape[1], dtype=np.float64)
         begin, end = self._spans(dt * layers)
         began = weights.place @ start.place + weights.velocity @ start.velocity
         pushed = np.einsum("nkd,kd->nk", weights.loads, forces)
-        pushed, began = (self._comm.allreduce(np.ascontiguousarray(a)) for a in (pushed, began))
+        pushed, began = map(self._summed, (pushed, began))
         met = np.einsum("nkg,kg->n", weights.gap, np.broadcast_to(start.gap, weights.gap.shape[1:]))
         # Of each number by itself: what rounds in one may be all of another.
         found = [Local(own, {"t": (begin, end)}) for own in pushed]
         return [*found, *(Local(own, {}) for own in np.concatenate([began, met])[:, None])]
+
+    def _summed(self, values: Floats) -> Floats:
+        """Over all ranks."""
+        return np.asarray(self._comm.allreduce(np.ascontiguousarray(values)))
+
+    def _start_of(self, ready: "Ready") -> Start:
+        return Start.of(ready)
+
+    def _numbers_of(self, *given: Any) -> "Numbers":
+        return Numbers(*given)
 
     def _spans(self, begin: Floats) -> tuple[Floats, Floats]:
         """Times whose mean acts in layers that begin at some times [s]."""
@@ -264,20 +281,32 @@ class Adjoints:
                 if entry.name not in _STARTS:
                     raise SceneError(f"{entry.name} is another")
                 begun, moved = True, moved or entry.name == "displacement"
+        self._check_beside(scene, moved=moved)
+        return bool(begun)
+
+    def _check_beside(self, scene: Scene, *, moved: bool) -> None:
+        """Refuse what changes in a scene besides its bodies.
+
+        Args:
+            scene: The scene.
+            moved: Whether what is pulled by gravity begins elsewhere.
+
+        Raises:
+            SceneError: It is more than obstacles.
+        """
         same = scene.contacts == self._scene.contacts
         same = same and scene.gravity == self._scene.gravity
         if not same or scene.duration != self._scene.duration:
             raise SceneError("it is another in more than loads and starts")
         if moved and self._numbers.levels:
             raise SceneError("its potential begins elsewhere")
-        return bool(begun)
 
 
 type Number = dict[int, list[Callable[[Reading], None]]]
 """What a number reads: by the level what adds it."""
 
 
-class _Numbers:
+class Numbers:
     """What the numbers of a run read; arguments as of `Adjoints`.
 
     Attributes:
@@ -295,10 +324,10 @@ class _Numbers:
         self._dt, self._layers = self._march.interior.dt, self._march.layers
         interior = self._march.interior
         self._inner: Sequence[Any] = getattr(interior, "parts", (interior,))
-        sizes = [len(part.velocity) for part in self._inner]
+        sizes = [part.dofs for part in self._inner]
         self._own = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
         self._sums = [part.sums_by() for part in self._inner]
-        self._names = [part.solid.name for part in ready.seen.model.parts]
+        self._names = list(ready.seen.model.names)
         self.levels = False
         columns = self._march.gaps.pair_of()
         self._of_pair = {name: columns == k for k, name in enumerate(self._march.gaps.pairs)}

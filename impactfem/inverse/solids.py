@@ -214,17 +214,21 @@ class SolidRuns:
         from impactfem.inverse.solid_adjoints import Adjoints, Kept, reversible  # noqa: PLC0415
         from impactfem.marching.reversed_march import Trail  # noqa: PLC0415  (DOLFINx)
 
-        scene = changes.scene
+        scene, kinds = changes.scene, (Kept, Adjoints)
+        if not scene.solids:
+            from impactfem.inverse.plate_adjoints import PlateAdjoints, PlateKept  # noqa: PLC0415
+
+            kinds = PlateKept, PlateAdjoints
         ready = self.ready(scene)
         try:
             if not reversible(ready):
                 return np.zeros(0), None, False
             march = cast("SolidMarch", ready.seen.march)
-            kept = Kept(Trail.of(march), quantities.times)
+            kept = kinds[0](Trail.of(march), quantities.times)
             ready.seen.march.run([*ready.seen.observers(), kept])
             outcome, pairs = self.told(scene, ready, quantities.times)
             numbers = quantities.read(outcome, scene)
-            adjoints = Adjoints(self, changes, quantities, ready, kept, pairs)
+            adjoints = kinds[1](self, changes, quantities, ready, kept, pairs)
             return numbers, adjoints.jacobian(), kept.trail.weak
         finally:
             ready.destroy()

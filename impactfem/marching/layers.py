@@ -235,6 +235,10 @@ class Reversible(Protocol):
     `backward` is the transpose of a layer: of `begin`, `push` and `finish` without `static`.
     """
 
+    @property
+    def dofs(self) -> int:
+        """How many owned dofs it takes."""
+
     def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:
         """Derivatives by what a layer begins with.
 

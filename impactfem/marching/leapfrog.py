@@ -294,6 +294,11 @@ class Leapfrog:
         """Whether `backward` knows all that happens in a layer."""
         return self._statics is not None and not self._drive.has_moved
 
+    @property
+    def dofs(self) -> int:
+        """How many owned dofs `backward` takes."""
+        return len(self.velocity)
+
     def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:
         """Derivatives by what a layer begins with; see `Reversible`."""
         moving = self._inverse > 0.0

@@ -328,6 +328,11 @@ class Midpoint:
         """Whether `backward` knows all that happens in a layer."""
         return not (self._system.relaxation or self._drive.has_moved)
 
+    @property
+    def dofs(self) -> int:
+        """How many owned dofs `backward` takes."""
+        return len(self.velocity)
+
     def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:  # noqa: ARG002  (as the interface has it)
         """Derivatives by what a layer begins with; see `Reversible`."""
         turned = np.where(self._still, 0.0, rate)

@@ -121,7 +121,7 @@ class ReversedMarch:
             read: Adds what the number reads at a level.
         """
         trail, interior = self._trail, self._interior
-        size, count = len(self._march.interior.velocity), trail.gap.shape[1]
+        size, count = interior.dofs, trail.gap.shape[1]
         nodes = self._march.interior.surface_displacement.shape
         multipliers, gaps = np.zeros((2, last + 1, count))
         place, rate = np.zeros((2, size))

@@ -3,10 +3,13 @@
 import copy
 import math
 
+import numpy as np
 import pytest
 
 import impactfem
 from impactfem import Scene, SceneError
+from impactfem.inverse.steps import Changes
+from impactfem.inverse.varied import Varied
 
 PLAIN = {"report": False, "pictures": False, "fields": []}
 EDGES = ("left", "right", "bottom", "top")
@@ -117,3 +120,50 @@ def test_a_ball_on_a_plate_has_no_gradient():
     data["body"].append(ball)
     with pytest.raises(SceneError, match=r"a point beside solids or plates.*has no derivatives"):
         impactfem.gradient(varied(data, v="velocity"))
+
+
+def driven(method, more=()):
+    """A tilted plate under a control; its speed, its stop and the control vary."""
+    data = scene({
+        "mesh_size": 0.034, "normal": [0.0, 0.6, 0.8], "damping_ratio": 0.02,
+        "supports": LID["supports"][:2], "pressures": [{"face": "top", "value": "(1+10*x)*push"}],
+    } | dict(more), gravity=[0.0, 0.0, -9.81])  # fmt: skip
+    data["obstacle"] = [STOP | {"point": [0.0, -0.48e-3, -0.64e-3], "normal": [0.0, 0.6, 0.8]}]
+    data["solve"] = {"method": method, "dt": 2.1e-5}
+    data["parameter"] = [{"name": "v", "key": "body.lid.velocity"},
+                         {"name": "z", "key": "obstacle.stop.point.2"}]  # fmt: skip
+    start = [2e3 * math.sin(k) for k in range(7)]
+    data["control"] = [{"name": "push", "pieces": 7, "start": start}]
+    told = {"u": ("mid.uz", 4.1e-4), "rate": ("mid.vy", 4.2e-4), "gap": ("gap.lid.stop", 2e-4),
+            "strained": ("elastic_energy", 4e-4), "moved": ("kinetic_energy", 3e-4),
+            "height": ("lid.z", 7e-4), "force": ("force.lid.stop", 4e-4)}  # fmt: skip
+    data["measure"] = [{"name": n, "of": of, "at": at} for n, (of, at) in told.items()]
+    data["measure"] += [{"name": n, "of": f"{of}.lid.stop"} for n, of in
+                        (("pushed", "impulse"), ("lasted", "duration"))]  # fmt: skip
+    data["measure"].append({"name": "back", "of": "rebound_speed.lid"})
+    terms = [{"term": "peak_force", "pair": "lid.stop"}, {"term": "effort", "of": "push"}]
+    terms += [{"term": f"{kind}_energy"} for kind in ("vibration", "terminal")]
+    data["objective"] = {"minimise": terms}
+    return Scene.from_dict(data)
+
+
+@pytest.mark.parametrize(
+    ("method", "more"),
+    [("conserving", {}), ("massless", {"theory": "reissner_mindlin", "rayleigh_mass": 99.0,
+                                       "damping_ratio": None})],
+)  # fmt: skip
+def test_steps_backwards_are_differences_of_runs(method, more):
+    varied = Varied.of(driven(method, more))
+    at, names = varied.start, tuple(each.name for each in varied.unknowns)
+    changes = Changes(varied.at, at, np.abs(at) + 1e-2 * varied.scales, names)
+    numbers, (slopes, known), weak = varied.runs._backwards(changes, varied.quantities)
+    assert known.all()
+    assert not weak
+    assert (np.abs(numbers) > 0.0).all()
+    way = np.random.default_rng(1).standard_normal(len(at)) * [1.0, 1e-5, *[1e3] * 7]
+    h = 1e-5
+    ends = [varied.numbers(at + sign * h * way) for sign in (1.0, -1.0)]
+    wanted = (ends[0] - ends[1]) / (2.0 * h)
+    # Runs round to some 1e-13 of their numbers, which h makes 1e-8.
+    room = 1e-6 * np.abs(wanted) + 1e-8 * np.abs(numbers)
+    assert (np.abs(slopes @ way - wanted) <= room).all()
