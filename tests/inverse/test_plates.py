@@ -147,10 +147,12 @@ def driven(method, more=()):
     return Scene.from_dict(data)
 
 
+SHEARS = {"theory": "reissner_mindlin", "rayleigh_mass": 99.0, "damping_ratio": None}
+
+
 @pytest.mark.parametrize(
     ("method", "more"),
-    [("conserving", {}), ("massless", {"theory": "reissner_mindlin", "rayleigh_mass": 99.0,
-                                       "damping_ratio": None})],
+    [("conserving", {}), pytest.param("massless", SHEARS, marks=pytest.mark.parallel(2))],
 )  # fmt: skip
 def test_steps_backwards_are_differences_of_runs(method, more):
     varied = Varied.of(driven(method, more))
