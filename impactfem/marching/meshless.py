@@ -24,6 +24,8 @@ class Meshless:
         counts: Whether this rank sums the bodies up.
     """
 
+    surface_iterate: Any
+    velocity_ahead: Any
     whole_columns: int | None = None
     share = 1.0
     apart: Integers | None = None
@@ -53,6 +55,10 @@ class Meshless:
         if self._gravity.is_constant:  # asked for in every layer
             return np.array(self._gravity.values[0])
         return np.asarray(self._gravity.mean(start, end))
+
+    def reaching(self, span: float) -> Floats:
+        """Displacement of the contact nodes a time [s] after the step, as it is solved now."""
+        return np.asarray(self.surface_iterate + span * self.velocity_ahead)
 
     def roots(self) -> Roots | None:
         """None: nodes are asked."""

@@ -28,9 +28,9 @@ class SolidMarch(TimeLoop[Interior]):
 
     def __init__(self, interior: Interior, settings: LoopSettings) -> None:
         """Find the contact forces of the initial state; see `TimeLoop`."""
-        self._massive, self._volatile = interior.massive, interior.volatile
+        self._massive = interior.massive
         self._radiating = interior.radiating
-        self._by_mass, self._changes = bool(self._massive.any()), bool(self._volatile.any())
+        self._by_mass, self._changes = bool(self._massive.any()), bool(interior.volatile.any())
         self.interior, self._gaps = interior, settings.gaps
         self._led: Floats | None = None  # ways of obstacles by the law of speeds
         self._determinacy = Determinacy()
@@ -131,7 +131,7 @@ class SolidMarch(TimeLoop[Interior]):
         if interior.rolling:
             self._rolled = cast("Rolling", interior).touched(self._gaps.spread(normals))
         if self._changes:
-            self._responses.renew(self._volatile, interior.answers, interior.roots())
+            self._responses.renew(interior.volatile, interior.answers, interior.roots())
         if self._bonds is not None:
             gap, free = self._pull(self._bonds, gap, normals, (begin, last, free))
         force, multiplier, static, iterations = self._layer_forces(gap, normals, free, last)

@@ -17,7 +17,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from impactfem.arrays import Floats
+from impactfem.arrays import Booleans, Floats
 from impactfem.contact.pair_responses import Roots
 from impactfem.marching.composite import Composite
 from impactfem.marching.layers import Interior, Sums
@@ -44,6 +44,7 @@ class Staggered:
         self.bodies, self.dt, self.share = bodies, bodies.dt, 1.0
         self._reach = 2.0  # how far answers at levels go, over those at the ends of steps
         self._first = 1.0  # share of the velocity at the end of the step in the way to the level
+        self._early = True  # answers are not those of all layers, or have just come to be
         self.rolled = np.zeros_like(bodies.surface_displacement)
 
     def __getattr__(self, name: str) -> Any:
@@ -61,7 +62,14 @@ class Staggered:
             self._drift(-half)
         self.bodies.begin(0.0 if first else start - half, end - half)
         self.share, self._reach = (0.5, 6.0) if first else (1.0, 2.0)
+        self._early = start < 1.5 * self.dt
         self._first = FIRST if first else 1.0
+
+    @property
+    def volatile(self) -> Booleans:
+        """Those of the first layer, which is shorter, are asked again in the second."""
+        found = self.bodies.volatile
+        return np.ones_like(found) if self._early else found
 
     def _drift(self, span: float) -> None:
         for part in cast("tuple[Any, ...]", self.bodies.parts):
@@ -71,8 +79,7 @@ class Staggered:
     def surface_iterate(self) -> Floats:
         """Displacement of the contact nodes at the level that ends the layer [m], (count, dim)."""
         parts = cast("tuple[Any, ...]", self.bodies.parts)
-        speeds = np.concatenate([part.velocity_ahead for part in parts])
-        return np.asarray(self.bodies.surface_iterate + 0.5 * self.dt * speeds)
+        return np.concatenate([part.reaching(0.5 * self.dt) for part in parts])
 
     def touched(self, normals: Floats) -> Floats:
         """Learn where nodes touch; ways that their surface goes in the layer besides [m]."""

@@ -1,16 +1,16 @@
-"""Implicit layers of a solid whose tips joints hold; see `impactfem.system.tips`.
+"""Layers of a solid whose tips joints hold, see `impactfem.system.tips`; implicit ones.
 
 Its coordinates, for joints, are places and turns of the tips: how impulses there move all of it is
 solved for once. Contact forces go to the massless nodes as without joints.
 """
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from impactfem.arrays import Floats
+from impactfem.arrays import Booleans, Floats
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.layers import Sums
 from impactfem.marching.midpoint import Midpoint
@@ -21,7 +21,72 @@ from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 
-class TippedMidpoint(Midpoint):
+class Tipped:
+    """Tips of an interior: what joints ask of it.
+
+    Attributes:
+        blocks: Kinds of displacements of all contact nodes that `_unit` tells.
+    """
+
+    blocks = 1
+    _still: Booleans  # owned dofs that nothing pulls
+    _surface: SurfaceNodes
+
+    def _take_tips(self, nodes: SurfaceNodes, stations: Stations | None) -> None:
+        """Take tips, whose rows are those of nodes; None: nothing holds it."""
+        each = np.zeros((0, 0)) if stations is None else stations.rows
+        if each is None:
+            raise NotImplementedError
+        self._tips, rows = nodes, each.reshape(int(np.prod(each.shape[:-1])), each.shape[-1])
+        self._moves = np.flatnonzero(rows.any(axis=1))  # in the plane not all
+        self._rows: Floats = rows[self._moves]
+        self._units: dict[int, Floats] = {}  # answers to unit forces
+
+    def _pull(self, row: Floats) -> Floats:
+        """Forces on the owned dofs by one on nodes of the tips."""
+        return self._tips.pulled(row.reshape(-1, self._tips.dim), self._still)
+
+    def _of_tips(self, values: Floats) -> Floats:
+        """Coordinates of the tips by those of owned dofs (..., dofs), (..., d) (collective)."""
+        if values.ndim > 1:
+            return np.array([self._of_tips(each) for each in values])
+        return np.asarray(self._rows @ self._tips.gather(values).ravel())
+
+    def held(self, stations: Stations) -> Held:
+        """It as joints hold it."""
+        count = len(stations.places)
+        rows = np.eye(6 * count)[:, self._moves].reshape(count, 6, -1)
+        return HeldLumped(cast("Any", self), replace(stations, rows=rows))
+
+    def look(self) -> None:
+        """Nothing: contact nodes move with each force."""
+
+    def kick(self, impulse: Floats) -> None:
+        """Let the next layer start with rates that an impulse (d,) has changed."""
+        self._kick = impulse
+
+    def _unit(self, force: Floats) -> list[Floats]:
+        """What a force on contact nodes (count, dim) does to these, last to the tips."""
+        raise NotImplementedError
+
+    def _by_units(self, forces: Floats) -> list[Floats]:
+        """The same by several forces (several, count, dim), (several, ...) each, which is kept."""
+        flat, kept = forces.reshape(len(forces), -1), self._units
+        acting, size = np.flatnonzero(flat.any(axis=0)).tolist(), flat.shape[1]
+        for dof in acting:
+            if dof not in kept:
+                unit = np.zeros(size)
+                unit[dof] = 1.0
+                each = self._unit(unit.reshape(forces.shape[1:]))
+                kept[dof] = np.concatenate([values.ravel() for values in each])
+        wide = self.blocks * size + len(self._rows)
+        known = np.array([kept[dof] for dof in acting]).reshape(len(acting), wide)
+        found = np.asarray(csr_matrix(flat[:, acting]) @ known)  # most forces are on few nodes
+        *moved, tips = np.split(found, [size * (k + 1) for k in range(self.blocks)], axis=1)
+        return [*(each.reshape(forces.shape) for each in moved), tips]
+
+
+class TippedMidpoint(Tipped, Midpoint):
     """Implicit interior with tips, by d coordinates of these.
 
     Attributes:
@@ -56,30 +121,15 @@ class TippedMidpoint(Midpoint):
             ConvergenceError: A matrix cannot be factored.
         """
         super().__init__(system, surface, statics, transfer, dt, linear_solver)
-        if stations.rows is None:
-            raise NotImplementedError
         self.counts, self.span = surface.comm.rank == 0, dt
-        self._tips, rows = nodes, stations.rows.reshape(6 * len(stations.places), -1)
-        self._moves = np.flatnonzero(rows.any(axis=1))  # in the plane not all
-        self._rows = rows[self._moves]
+        self._take_tips(nodes, stations)
         pulls = [self._pull(row) for row in self._rows]
         self._by_impulses = np.array([self._solved(pull) for pull in pulls]) / dt
         self._touched = np.array([self._answer_of_contact(each) for each in self._by_impulses])
         self.reach = 2.0 / dt * self._of_tips(self._by_impulses).T
         self._by_kicks = self._kicked(pulls, linear_solver)
         self.reach_ahead, self.noise = self._of_tips(self._by_kicks).T, 0.0
-        self._units: dict[int, Floats] = {}  # answers to unit forces
         self._renew()
-
-    def _pull(self, row: Floats) -> Floats:
-        """Forces on the owned dofs by one on nodes of the tips."""
-        return self._tips.pulled(row.reshape(-1, self._tips.dim), self._still)
-
-    def _of_tips(self, values: Floats) -> Floats:
-        """Coordinates of the tips by those of owned dofs (..., dofs), (..., d) (collective)."""
-        if values.ndim > 1:
-            return np.array([self._of_tips(each) for each in values])
-        return np.asarray(self._rows @ self._tips.gather(values).ravel())
 
     def _kicked(self, pulls: list[Floats], linear_solver: str) -> Floats:
         """Velocities by unit impulses that leave no time for anything else, (d, owned dofs)."""
@@ -99,12 +149,6 @@ class TippedMidpoint(Midpoint):
         self.rates = self._of_tips(self.velocity)
         self._way = self._joined = self._kick = np.zeros(len(self._rows))
 
-    def held(self, stations: Stations) -> Held:
-        """It as joints hold it."""
-        count = len(stations.places)
-        rows = np.eye(6 * count)[:, self._moves].reshape(count, 6, -1)
-        return HeldLumped(self, replace(stations, rows=rows))
-
     @property
     def rates_ahead(self) -> Floats:
         """Rates of the coordinates at the end of the layer, as it is solved now, (d,)."""
@@ -117,9 +161,6 @@ class TippedMidpoint(Midpoint):
         self.begin(start, end)
         self._way = self._of_tips(self.displacement - self._before)
         self._joined = self._kick = np.zeros(len(self._rows))
-
-    def look(self) -> None:
-        """Nothing: contact nodes move with each force."""
 
     def impel(self, impulse: Floats) -> bool:
         """Solve the layer with an impulse of joints (d,); it answers linearly."""
@@ -137,9 +178,10 @@ class TippedMidpoint(Midpoint):
         self._contact = self._contact + self._answer_of_contact(answer)
         self._way = self._way + self._of_tips(answer)
 
-    def kick(self, impulse: Floats) -> None:
-        """Let the next layer start with rates that an impulse (d,) has changed."""
-        self._kick = impulse
+    def _unit(self, force: Floats) -> list[Floats]:
+        """See `Tipped`."""
+        answer = self._answer(force)
+        return [self._answer_of_contact(answer), self._of_tips(answer)]
 
     def reached(self, forces: Floats) -> Floats:
         """Rates by several contact forces (several, count, dim) for a second, (several, d)."""
@@ -157,22 +199,6 @@ class TippedMidpoint(Midpoint):
     def answers(self, forces: Floats) -> tuple[Floats, Floats]:
         """The same: joints ask in every layer, and answers to unit forces are kept."""
         return self.columns(forces)
-
-    def _by_units(self, forces: Floats) -> tuple[Floats, Floats]:
-        """Displacements of contact nodes (several, count, dim), of tips (several, d), by forces."""
-        flat = forces.reshape(len(forces), -1)
-        acting = np.flatnonzero(flat.any(axis=0)).tolist()
-        for dof in acting:
-            if dof not in self._units:
-                unit = np.zeros(flat.shape[1])
-                unit[dof] = 1.0
-                answer = self._answer(unit.reshape(forces.shape[1:]))
-                moved = self._answer_of_contact(answer).ravel()
-                self._units[dof] = np.concatenate([moved, self._of_tips(answer)])
-        units = [self._units[dof] for dof in acting]
-        known = np.array(units).reshape(len(acting), flat.shape[1] + len(self._rows))
-        found = np.asarray(csr_matrix(flat[:, acting]) @ known)  # most forces are on few nodes
-        return found[:, : flat.shape[1]].reshape(forces.shape), found[:, flat.shape[1] :]
 
     def finish(self, static: Floats) -> list[Sums]:
         """End the layer and sum up."""

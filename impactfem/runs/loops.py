@@ -55,6 +55,7 @@ from impactfem.runs.static_start import Started, linear_bodies, spin_of, start_a
 from impactfem.scene import Scene
 from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
+from impactfem.system.tips import Tips
 
 if TYPE_CHECKING:
     from impactfem.contact.impact_law import Law
@@ -329,23 +330,30 @@ class _Making:
         kind, few = self.kind, self.few
         holds = () if joints is None else joints.parts
         tipped, solids = dict(holds), list[Interior]()
-        tips: dict[int, TippedMidpoint] = {}
+        tips: dict[int, Interior] = {}
+        # Solids in explicit steps of which joints hold some take steps that end amid layers, too.
+        led = self.scheme.explicit and any(k in tipped for k in range(len(self.each)))
         for k, parts in enumerate(self.each):
-            if k in tipped:
+            if led:
+                tips[k] = _tipped_leapfrog(*parts, self.dt, model.tips[k], tipped.get(k))
+            elif k in tipped:
                 _check_tipped(self.scheme, parts[0])
                 tips[k] = _tipped(*parts, self.dt, kind, model.tips[k].nodes, tipped[k])
             solids.append(tips.get(k) or _interior(*parts, self.scheme, self.dt, kind))
         steppers, movable = _steppers(model, few), [_free(*parts[:2]) for parts in self.each]
         held = _held([(tips.get(at) or few[at - len(solids)], own) for at, own in holds])
-        amid = self.scheme.explicit and steppers  # bodies whose steps end amid layers
-        inner, free = (steppers, []) if amid else ([*solids, *steppers], movable)
+        amid = self.scheme.explicit and (led or steppers)  # bodies whose steps end amid layers
+        inner, free = ([*solids, *steppers], movable)
+        if amid and not led:
+            inner, free = steppers, []
         if joints is not None:
             joined: Any = Jointed(inner, free, joints, held)
         else:
             joined = Composite(inner, free) if amid or len(inner) > 1 or free else inner[0]
         whole = joined
         if amid:
-            whole = Composite([*solids, Staggered(joined).as_interior()], movable)
+            staggered = Staggered(joined).as_interior()
+            whole = staggered if led else Composite([*solids, staggered], movable)
         started = None
         if self._rests:
             linear = linear_bodies(model, self.each, kind)
@@ -431,6 +439,24 @@ def _tipped(
     statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
     return TippedMidpoint(
         part.system, surface, statics, transfer, dt, linear_solver, nodes, stations
+    )
+
+
+def _tipped_leapfrog(
+    part: SolidPart,
+    surface: SurfaceNodes,
+    transfer: object,
+    dt: float,
+    tips: Tips,
+    stations: Stations | None,
+) -> Interior:
+    """See `TippedLeapfrog`."""
+    from impactfem.marching.tipped_leapfrog import TippedLeapfrog  # noqa: PLC0415  (rarely asked)
+
+    statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
+    return cast(
+        "Interior",
+        TippedLeapfrog(part.system, surface, statics, transfer, dt, tips.nodes, stations),
     )
 
 

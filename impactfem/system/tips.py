@@ -51,7 +51,8 @@ class Tips:
     @property
     def _every(self) -> Integers:
         """Numbers of all nodes, increasing."""
-        return np.unique(np.concatenate([held.numbers for held in self.regions.values()]))
+        each = [held.numbers for held in self.regions.values()]
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *each]))
 
     def stations(self, asked: Sequence[Asked]) -> Stations:
         """One for each region (collective).
