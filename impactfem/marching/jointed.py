@@ -18,9 +18,14 @@ from impactfem.system.joints import Joints
 
 
 class Jointed(Joining[Interior], Composite):
-    """The interiors of several bodies and their joints as one."""
+    """The interiors of several bodies and their joints as one.
+
+    Attributes:
+        ahead: Time from where steps end to where coordinates of joints are told [s].
+    """
 
     apart = None
+    ahead = 0.0
 
     def __init__(
         self,
@@ -88,6 +93,15 @@ class Jointed(Joining[Interior], Composite):
         super().push(others, change, parts)
         if self._struck:
             self._join()
+
+    def told(self) -> dict[str, dict[str, float]]:
+        """Columns of the joints."""
+        found = super().told()
+        if self.ahead:
+            for columns in found.values():
+                if "q" in columns:
+                    columns["q"] += self.ahead * columns["v"]
+        return found
 
     def finish(self, static: Floats) -> Sequence[Sums]:
         """End the layer of all bodies; sums of each."""

@@ -138,6 +138,7 @@ class Staggered:
         found = self.bodies.finish(static)
         self.rolled = self._way(begun, self._beside())
         self._drift(half)
+        cast("Any", self.bodies).ahead = half
         for sums in found:
             sums.first_moment = sums.first_moment + half * sums.momentum
         return found

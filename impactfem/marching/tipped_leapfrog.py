@@ -3,7 +3,8 @@
 They are solved with all bodies beside (`impactfem.marching.staggered`): a step from amid one layer
 to amid the next, in which forces F_m of the level and impulses L of joints act on lumped masses M,
 
-    v_{m+1/2} = v_{m-1/2} + dt M^-1 (F_m - K u_m) + M^-1 G^T L,   x_{m+1/2} = u_m + dt v_{m+1/2} / 2,
+    v_{m+1/2} = v_{m-1/2} + dt M^-1 (F_m - K u_m) + M^-1 G^T L,
+    x_{m+1/2} = u_m + dt v_{m+1/2} / 2,
 
 is the leapfrog with u_{m+1} = x_{m+1/2} + dt v_{m+1/2} / 2, and its x moves with the mean of both
 velocities. Rows g(x_{m+1/2}) = 0 make W = G M^-1 G^T: no elastic force answers within the step. As

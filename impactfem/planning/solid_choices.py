@@ -126,7 +126,7 @@ def _implicit_only(scene: Scene, sizes: Sequence[Size]) -> str:
     if len(scene.solids) < len(scene.bodies):
         return f"{scene.why_marched}: bodies without meshes take implicit steps, which do not ring"
     if scene.couplings:
-        return "joints act on implicit steps"
+        return "what joints hold takes implicit steps, whose length is free"
     if any(solid.relaxing for solid in scene.solids):
         return "Maxwell terms relax in implicit steps"
     if max(size.degree for size in sizes) == 2:

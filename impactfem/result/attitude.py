@@ -8,8 +8,8 @@ from impactfem.result.whole import Whole
 
 
 def attitude(
-    moments: Floats, spun: Floats, whole: Whole, dt: float
-) -> tuple[Floats, Floats]:  # fmt: skip
+    moments: Floats, spun: Floats, whole: Whole, dt: float, ahead: float = 0.0
+) -> tuple[Floats, Floats]:
     """Rotation and spin as `BodyMotion` has them.
 
     The rotation is the one that fits the places best (W. Kabsch, Acta Cryst. A 32 (1976) 922-923),
@@ -22,6 +22,7 @@ def attitude(
         spun: Angular momentum about the centre [kg m^2/s], (rows, 1 or 3).
         whole: What the body is part of: images undo products across their planes.
         dt: From row to row [s].
+        ahead: Time from where moments were taken to the rows but the first, which spins go on [s].
 
     Returns:
         Angle [rad], (rows, 1), or unit quaternions, w first, (rows, 4); spin [rad/s], (rows, 1 or
@@ -38,12 +39,16 @@ def attitude(
         spin = spun / np.trace(second, axis1=1, axis2=2)[:, None]
         steps, ways = np.diff(angle), 0.5 * dt * (spin[1:, 0] + spin[:-1, 0])
         turns = np.cumsum(np.round((ways - steps) / (2.0 * np.pi)))
-        angle[1:] += 2.0 * np.pi * turns
+        angle[1:] += 2.0 * np.pi * turns + ahead * spin[1:, 0]
         return angle[:, None], spin
+    inertia = np.trace(second, axis1=1, axis2=2)[:, None, None] * np.eye(3) - second
+    spin = np.linalg.solve(inertia, spun[:, :, None])[:, :, 0]
     left, _, right = np.linalg.svd(fit)
     left[:, :, -1] *= np.sign(np.linalg.det(left @ right))[:, None]
-    turn = np.roll(Rotation.from_matrix(left @ right).as_quat(), 1, axis=1)  # w comes last there
+    found = left @ right
+    if ahead:
+        found[1:] = Rotation.from_rotvec(ahead * spin[1:]).as_matrix() @ found[1:]
+    turn = np.roll(Rotation.from_matrix(found).as_quat(), 1, axis=1)  # w comes last there
     steps = np.sign(np.einsum("ij,ij->i", turn[1:], turn[:-1]))
     turn[1:] *= np.cumprod(np.where(steps < 0.0, -1.0, 1.0))[:, None]
-    inertia = np.trace(second, axis1=1, axis2=2)[:, None, None] * np.eye(3) - second
-    return turn, np.linalg.solve(inertia, spun[:, :, None])[:, :, 0]
+    return turn, spin

@@ -62,8 +62,9 @@ def body_motions(
                 start = _turned_at_start(part, placed[k])
             turn = _rotation(np.vstack([start, march.interior.dt * each_layer]))
         elif attitudes[:, k].any() and (part is None or _turns_freely(part, whole)):
-            told_by = attitudes[:, k], spun[:, 3 - turns :], whole, march.interior.dt
-            turn, spin = attitude(*told_by)
+            dt = march.interior.dt  # bodies beside explicit solids are summed up amid layers
+            told_by = attitudes[:, k], spun[:, 3 - turns :], whole, dt
+            turn, spin = attitude(*told_by, ahead=0.5 * dt if explicit else 0.0)
             if part is None and turns == 1:  # counted from the angle at t = 0 on
                 bodies_of, body = few[k - len(model.parts)]
                 whole_turns = np.round((bodies_of.angles[body] - turn[0]) / (2.0 * np.pi))

@@ -224,12 +224,12 @@ def test_two_ranks_do_the_same(strain, monkeypatch):
             [BOX],
             {"joint": [{"kind": "revolute", "name": "j", "between": ["s/top", "b"],
                         "point": [0.05, 0.1]}]},
-            r"joint\[0\].between = .* explicit steps do not hold surfaces of s",
+            r"joint\[0\].between = .* under finite strain do not hold surfaces of s",
         ),
     ],
 )  # fmt: skip
 def test_what_is_not_stepped_amid_layers_is_refused(bodies, more, says):
-    strain = "finite" if "contact" in more else "small"
+    strain = "finite" if more else "small"
     with pytest.raises(SceneError, match=says):
         scene([solid_of(strain), *bodies], **more)
 

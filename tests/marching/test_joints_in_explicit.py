@@ -5,7 +5,7 @@ import pytest
 from moving_scenes import check_ranks, check_restart
 from scipy.linalg import eigh, null_space
 
-from impactfem import Scene, SceneError, solve
+from impactfem import Scene, solve
 from impactfem.models.solids import solids_model
 
 FLOOR = {"kind": "half_space", "name": "floor", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
@@ -164,10 +164,3 @@ def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
 @pytest.mark.parallel(2)
 def test_two_ranks_do_the_same(monkeypatch):
     check_ranks(lambda: assembly(duration=2e-3), monkeypatch)
-
-
-def test_explicit_steps_under_finite_strain_hold_nothing():
-    rubber = block("a", 0.0, strain="finite", material="neo_hookean")
-    tie = [{"name": "glue", "between": ["a/bottom", "ground"]}]
-    with pytest.raises(SceneError, match=r"tie\[0\].between = .* under finite strain do not hold"):
-        scene([rubber], 1e-3, 1e-5, tie=tie)

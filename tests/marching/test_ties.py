@@ -194,7 +194,6 @@ def test_ranks_agree(monkeypatch):
         (("a/top", "a/bottom"), {}, "both are of a"),
         (("a", "b/bottom"), {}, 'give "a/SURFACE"'),
         (("a/bottom", "b/bottom"), {}, r"do not touch at t = 0, they are 0\.05 m apart"),
-        (("a/top", "b/bottom"), {"method": "explicit"}, r"tie\[0\].between.*explicit steps"),
         (("a/top", "b/bottom"), {"tie": {"break_force": 0.0}}, r"tie\[0\].break_force"),
         (("a/top", "b/bottom"), {"tie": {"name": "b"}}, "something else"),
         (
