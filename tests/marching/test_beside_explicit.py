@@ -114,9 +114,10 @@ def test_laws_of_impact_are_those_of_rigid_bodies(of, expected, solid):
 
 def test_a_body_that_flies_and_falls_is_where_it_should_be(solid):
     """Places are those of levels; speeds too, or with small strains those of the layer before."""
-    found = run([solid, AWAY], gravity=(0.0, -9.81), duration=4e-4)
+    found = run([solid, AWAY | {"angular_velocity": 5.0}], gravity=(0.0, -9.81), duration=4e-4)
     t, finite = found["time"].values, solid["strain"] == "finite"
     np.testing.assert_allclose(found["b.x"].values, -0.3 + t, atol=1e-15)
+    np.testing.assert_allclose(found["b.angle"].values, 5.0 * t, atol=1e-12)
     fallen = 0.0205 - t - 0.5 * 9.81 * t**2
     np.testing.assert_allclose(found["b.y"].values, fallen, atol=1e-15 if finite else 4e-9)
     speed = -1.0 - 9.81 * (t[1:] - (0.0 if finite else 1e-5))
