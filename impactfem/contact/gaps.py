@@ -168,6 +168,11 @@ class Gaps:
         """Normals that stay, shape (count, dim); None if they follow the nodes."""
         return None if self.updated else self._normal
 
+    @property
+    def normals_vary(self) -> bool:
+        """Whether they may change with the nodes: not on one plane."""
+        return self.updated and (len(self._obstacles) > 1 or bool(self._bent))
+
     def pair_of(self) -> NDArray[np.int64]:
         """Which of `pairs` each gap belongs to: that of the obstacle that is now its, (count,)."""
         return self._nearest if self._nodes is None else self.contact.obstacle

@@ -275,6 +275,11 @@ class PairGaps:
         return found
 
     @property
+    def normals_vary(self) -> bool:
+        """Whether some may change with the nodes."""
+        return self._moving or any(gaps.normals_vary for _, _, gaps in self._obstacles)
+
+    @property
     def moves(self) -> bool:
         """Whether what some nodes face moves by itself, as obstacles may."""
         return bool(self._led) or any(gaps.moves for _, _, gaps in self._beside)

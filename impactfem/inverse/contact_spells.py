@@ -31,20 +31,23 @@ class Pair:
     times: Floats
 
     @classmethod
-    def of(cls, name: str, history: Table, tolerance: float) -> "Pair":
+    def of(cls, name: str, history: Table, tolerance: float, *, by_force: bool = False) -> "Pair":
         """Of a history.
 
         Args:
             name: Of the pair.
             history: With its columns.
             tolerance: Gap that is none [m].
+            by_force: Whether it also touches at the end of each layer in which it presses, as where
+                iterates keep the gap with which it began to.
         """
         levels = np.asarray(history["time"].values)
         force, gap = (np.asarray(history[f"{c}.{name}"].values) for c in ("force", "gap"))
         struck = history.get(f"impulse.{name}")
         pushed = np.zeros(len(levels)) if struck is None else np.asarray(struck.values)
         impulse = np.cumsum(pushed + np.concatenate([[0.0], force[1:] * np.diff(levels)]))
-        touches = np.concatenate([[False], gap <= tolerance, [False]]).astype(np.int8)
+        shut = (gap <= tolerance) | (by_force & (force > 0.0))
+        touches = np.concatenate([[False], shut, [False]]).astype(np.int8)
         begins, ends = np.flatnonzero(np.diff(touches) > 0), np.flatnonzero(np.diff(touches) < 0)
         spells = list(zip(begins.tolist(), (ends - 1).tolist(), strict=True))
         times = [(_touch(levels, gap, b, -1), _touch(levels, gap, e, 1)) for b, e in spells]

@@ -47,8 +47,10 @@ def rise_rate(times: Floats, begin: float, force: Floats) -> float:
     if not half > 0.0:
         return float("nan")
     middles = 0.5 * (times[1:] + times[:-1])
-    over = int(np.flatnonzero((force >= half) & (middles > begin))[0])
-    start = (begin, 0.0)
+    found = np.flatnonzero((force >= half) & (middles > begin))
+    if not found.size:
+        return float("nan")
+    over, start = int(found[0]), (begin, 0.0)
     if over and middles[over - 1] > begin:
         start = (middles[over - 1], force[over - 1])
     share = (half - start[1]) / (force[over] - start[1])

@@ -1,4 +1,4 @@
-"""Solids by time steps whose contact nodes carry no mass: outcomes, and their derivatives.
+"""Solids and plates by time steps whose contact nodes carry no mass: outcomes and derivatives.
 
 Steps, meshes and contact nodes are those of the start. For given sets of gaps that press, stick and
 slip the motion of a step is smooth in what varies, the weight theta of its forces included, so that
@@ -21,7 +21,7 @@ from impactfem.inverse.pulses import rise_rate
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.log import Progress
-from impactfem.scene import Scene, Solid
+from impactfem.scene import Plate, Scene, Solid
 
 if TYPE_CHECKING:
     from impactfem.marching.solids import SolidMarch
@@ -39,9 +39,10 @@ _FEW = 20  # unknowns of which both sides are looked at where sets are those of 
 _MANY = 2  # numbers for each unknown, each a march backwards, that still take less than runs beside
 
 _SHAPING = (
-    "model", "shape", "mesh", "position", "part", "mesh_size", "refine", "cells", "degree",
+    "model", "shape", "outline", "mesh", "position", "part", "mesh_size", "refine", "cells",
+    "degree",
 )  # fmt: skip
-"""What makes the mesh of a solid."""
+"""What makes the mesh of a solid or a plate."""
 
 
 class Marched(NamedTuple):
@@ -58,11 +59,11 @@ class Marched(NamedTuple):
 
 @dataclass(frozen=True)
 class SolidRuns:
-    """Runs of solids as planned: time step and meshes stay.
+    """Runs of solids and plates as planned: time step and meshes stay.
 
     Attributes:
         chosen: The plan, with the time step of the start.
-        model: The solids of the start.
+        model: The bodies of the start.
     """
 
     chosen: "Plan[MarchNumbers]"
@@ -80,10 +81,11 @@ class SolidRuns:
         from impactfem.runs.solids import prepare  # noqa: PLC0415
 
         for body in scene.bodies:
-            if not isinstance(body, Solid):
+            if not isinstance(body, Solid | Plate):
                 raise SceneError(
-                    f"body {body.name}: a {body.kind} beside solids, or in time steps, has no "
-                    "derivatives: its impacts jump from step to step; leave it out, or take solids"
+                    f"body {body.name}: a {body.kind} beside solids or plates, or in time steps, "
+                    "has no derivatives: its impacts jump from step to step; leave it out, or take "
+                    "solids and plates"
                 )
         numbers = replace(chosen.numbers, estimate=False)
         scene = strained(scene, chosen)
@@ -123,20 +125,28 @@ class SolidRuns:
         from impactfem.runs.solids import prepare  # noqa: PLC0415
 
         own = self.model.scene
-        for k, (solid, other) in enumerate(zip(own.solids, scene.solids, strict=True)):
+        for k, (body, other) in enumerate(zip(own.bodies, scene.bodies, strict=True)):
             for name in _SHAPING:
-                if getattr(solid, name) != getattr(other, name):
+                if getattr(body, name, None) != getattr(other, name, None):
                     raise SceneError(
                         f"body[{k}].{name}: gradients keep the meshes of the start; vary the place "
                         "by the displacement of the body or the point of the obstacle, not the "
-                        f"shape of {solid.name}"
+                        f"shape of {body.name}"
+                    )
+            if isinstance(body, Plate) and isinstance(other, Plate):
+                theories = [each.theory_beside(scene.bodies) for each in (body, other)]
+                if len({*theories}) > 1:
+                    raise SceneError(
+                        f"body[{k}].theory: {body.name} passes from {' to '.join(theories)} as its "
+                        "thickness varies, which no derivative crosses: give one of them"
                     )
         scene = strained(_plain(scene), self.chosen)
         return prepare(scene, self.chosen, Progress(), model=self.model.beside(scene))
 
     def told(self, scene: Scene, ready: "Ready", times: Floats) -> tuple[Outcome, dict[str, Pair]]:
         """What is known of a march at some times, and what its pairs did."""
-        from impactfem.runs.solid_rows import solids_motion  # noqa: PLC0415  (DOLFINx)
+        from impactfem.marching.newton_march import NewtonMarch  # noqa: PLC0415  (DOLFINx)
+        from impactfem.runs.solid_rows import solids_motion  # noqa: PLC0415
 
         seen = ready.seen
         motion = solids_motion(seen)
@@ -144,7 +154,10 @@ class SolidRuns:
             raise ConvergenceError("the motion is no longer finite; take smaller steps or loads")
         history, whole = motion.history, seen.whole
         levels = np.asarray(history["time"].values)
-        pairs = {name: Pair.of(name, history, seen.march.tolerance) for name in seen.march.pairs}
+        march, iterated = seen.march, isinstance(seen.march, NewtonMarch)
+        pairs = {
+            name: Pair.of(name, history, march.tolerance, by_force=iterated) for name in march.pairs
+        }
 
         def of(values: Callable[[Pair], Any]) -> dict[str, Any]:
             return {name: values(pair) for name, pair in pairs.items()}
@@ -171,8 +184,8 @@ class SolidRuns:
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
         """Numbers of a run and their derivatives, along the sets of its steps.
 
-        By the steps backwards where numbers are few, whatever varies of loads, starts, places and
-        materials; of other unknowns, and where steps are not known backwards, by runs beside it.
+        By the steps backwards where numbers are few; of unknowns that change stiffness or mass, and
+        where steps are not known backwards, by runs beside it.
         """
         beside = _Beside(self, changes, quantities)
         if quantities.count > _MANY * len(changes.values):
@@ -198,27 +211,24 @@ class SolidRuns:
 
         And whether sets are those of one side.
         """
-        from impactfem.inverse.solid_adjoints import (  # noqa: PLC0415
-            Adjoints,
-            reversible,
-            varies_materials,
-        )
-        from impactfem.inverse.solid_readings import Kept  # noqa: PLC0415
-        from impactfem.marching.reversed_march import States, Trail  # noqa: PLC0415  (DOLFINx)
+        from impactfem.inverse.solid_adjoints import Adjoints, Kept, reversible  # noqa: PLC0415
+        from impactfem.marching.reversed_march import Trail  # noqa: PLC0415  (DOLFINx)
 
-        scene = changes.scene
+        scene, kinds = changes.scene, (Kept, Adjoints)
+        if not scene.solids:
+            from impactfem.inverse.plate_adjoints import PlateAdjoints, PlateKept  # noqa: PLC0415
+
+            kinds = PlateKept, PlateAdjoints
         ready = self.ready(scene)
         try:
             if not reversible(ready):
                 return np.zeros(0), None, False
             march = cast("SolidMarch", ready.seen.march)
-            whole = varies_materials(changes)
-            whole = whole and States.fit(march.layers + 1, len(march.interior.velocity))
-            kept = Kept(Trail.of(march, whole=whole), quantities.times)
+            kept = kinds[0](Trail.of(march), quantities.times)
             ready.seen.march.run([*ready.seen.observers(), kept])
             outcome, pairs = self.told(scene, ready, quantities.times)
             numbers = quantities.read(outcome, scene)
-            adjoints = Adjoints(self, changes, quantities, ready, kept, pairs)
+            adjoints = kinds[1](self, changes, quantities, ready, kept, pairs)
             return numbers, adjoints.jacobian(), kept.trail.weak
         finally:
             ready.destroy()

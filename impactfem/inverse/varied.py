@@ -117,7 +117,10 @@ def _runs(chosen: Plan[Any], scene: Scene) -> Callable[[Plan[Any], Scene], Any] 
 def _known(scene: Scene) -> list[str]:
     """Methods with derivatives that know the bodies of a scene."""
     if scene.solver == "march":
-        return list(STEPPED) if scene.solids else []
+        if scene.solids:
+            return list(STEPPED)
+        plates = "plate" in scene.kinds
+        return [name for name in STEPPED if plates and METHODS[name].stable == "always"]
     return [name for name in RUNS if METHODS[name].bodies & scene.kinds]
 
 
@@ -192,7 +195,7 @@ class Varied:
                 remedy = "no method: bodies and joints then go from event to event by coordinates"
             raise SceneError(
                 f"solve.method = {show(chosen.method)} has no derivatives that are right: use "
-                f"{remedy or 'solids, points, one rod, one rigid body or one bar'}, which have"
+                f"{remedy or 'solids, plates, points, a rod, a rigid body or a bar'}, which have"
             )
         return cls(scene, quantities, chosen, runs(chosen, scene))
 

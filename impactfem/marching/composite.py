@@ -328,19 +328,15 @@ class Composite(Bodies[Interior]):
         """Whether all of them are; see `Reversible`."""
         return all(getattr(part, "reversible", False) for part in self.parts)
 
-    def backward(
-        self, place: Floats, rate: Floats, contact: Floats, *, first: bool,
-        parts: Floats | None = None,
-    ) -> Backward:  # fmt: skip
+    @property
+    def dofs(self) -> int:
+        """How many owned dofs `backward` takes, of all bodies."""
+        return sum(part.dofs for part in cast("Sequence[Reversible]", self.parts))
+
+    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:
         """Derivatives by what a layer begins with, of all bodies; see `Reversible`."""
         each = [
-            part.backward(
-                place[own],
-                rate[own],
-                contact[self.own(k)],
-                first=first,
-                parts=None if parts is None else parts[self._asked[k]],
-            )
+            part.backward(place[own], rate[own], contact[self.own(k)], first=first)
             for k, (part, own) in enumerate(self._reversible())
         ]
         forces = np.concatenate([found.forces for found in each])
@@ -358,6 +354,6 @@ class Composite(Bodies[Interior]):
 
     def _reversible(self) -> list[tuple[Reversible, slice]]:
         """The bodies, and which dofs are theirs."""
-        cuts = np.cumsum([0, *(len(part.velocity) for part in self.parts)])
         parts = cast("Sequence[Reversible]", self.parts)
+        cuts = np.cumsum([0, *(part.dofs for part in parts)])
         return [(part, slice(*cuts[k : k + 2])) for k, part in enumerate(parts)]

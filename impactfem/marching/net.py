@@ -1,13 +1,14 @@
 """Layers of masses and springs: the midpoint rule with a discrete gradient for each spring.
 
-    m (v_b - v_a) = dt (m g + sum s d + F - a m (v_a + v_b) / 2),   d = (d_a + d_b) / 2,
+    m (v_b - v_a) = dt (m (g + f / M) + sum s d + F - a m (v_a + v_b) / 2),   d = (d_a + d_b) / 2,
     s = k (1 - 2 L / S + 2 b (|d_b| - |d_a|) / (dt S)),   S = |d_a| + |d_b|,
     q_b = q_a + dt (v_a + v_b) / 2,
 
-d_a and d_b the way from end to end of a spring of length L at both ends of the layer, a and b the
-damping by mass and stiffness. The work of a spring is the change of k (|d| - L)^2 / 2, and its
-force lies along d, so that without damping energy, momentum and angular momentum stay to rounding;
-dampers take b k (|d_b| - |d_a|)^2 / dt. Masses that supports move are where these are at both ends.
+f is the mean of the force on all of it, M its mass, d_a and d_b the way from end to end of a spring
+of length L at both ends of the layer, a and b the damping by mass and stiffness. The work of a
+spring is the change of k (|d| - L)^2 / 2, and its force lies along d, so that without damping
+energy, momentum and angular momentum stay to rounding; dampers take b k (|d_b| - |d_a|)^2 / dt.
+Masses that supports move are where these are at both ends.
  Source: Simo and Gonzalez, Assessment of energy-momentum and symplectic
 schemes for stiff dynamical systems (ASME 93-WA/PVP-4, 1993).
 """
@@ -31,6 +32,7 @@ from impactfem.marching.meshless import step_length
 from impactfem.marching.net_start import NetAtRest
 from impactfem.marching.stations import Held
 from impactfem.scene import PiecewiseVector
+from impactfem.scene.means import StepMean
 from impactfem.system.net import Net
 from impactfem.system.rigid_modes import unit_spins
 from impactfem.system.stations import Stations
@@ -60,6 +62,9 @@ class NetMidpoint(FewInterior):
         self._led: tuple[Floats, Floats] | None = bodies.leading(0.0) if bodies.led else None
         self._led_ahead = self._led
         self._struck = np.zeros((nodes, dim))  # impulses on these in the layer
+        # Forces on all of it, spread as weight is: by formulas, from outside, and both in the step.
+        self._forces = [StepMean(formula) for formula in bodies.force]
+        self._applied = self._driving = np.zeros(dim)
         if bodies.led:
             self.bodies = replace(bodies, places=self._with_led_places(bodies.places))
         mesh = bodies.mesh
@@ -122,11 +127,25 @@ class NetMidpoint(FewInterior):
         return self._assembled(each + along[:, None, None] * np.einsum("ei,ej->eij", ways, ways))
 
     def unbalanced_at(self, q: Floats) -> Floats:
-        """Gravity and forces of the springs at t = 0 at some coordinates [N], (d,)."""
+        """Loads and forces of the springs at t = 0 at some coordinates [N], (d,)."""
         ways, long = self._ways(self.bodies.places(q))
         pulled = self._gathered((self._springs * (1.0 - self._lengths / long))[:, None] * ways)
-        weight = np.tile(self.gravity(0.0, 0.0), len(self.bodies.free))
-        return np.asarray(pulled[self.bodies.free].ravel() + self._mass * weight)
+        return np.asarray(pulled[self.bodies.free].ravel() + self._loads(0.0, 0.0))
+
+    def _loads(self, start: float, end: float) -> Floats:
+        """Gravity and forces in a step [N], (d,)."""
+        self._driving = self._applied
+        if self._forces:
+            self._driving = self._applied + [mean(start, end) for mean in self._forces]
+        pull = self.gravity(start, end) + self._driving / self.bodies.masses[0]
+        return self._mass * np.tile(pull, len(self.bodies.free))
+
+    def apply(self, body: int, force: Floats, moment: Floats) -> bool:  # noqa: ARG002  (it is one)
+        """See `FewInterior`; masses do not take moments."""
+        if moment.any():
+            return False
+        self._applied = force
+        return True
 
     def displaced(self, q: Floats) -> Floats:
         """Displacements of the contact nodes with some coordinates [m], (count, dim)."""
@@ -243,8 +262,7 @@ class NetMidpoint(FewInterior):
     def begin(self, start: float, end: float) -> None:
         """Solve the layer without forces of contact and joints."""
         self.span, self._time = step_length(start, end, self.dt), 0.5 * (start + end)
-        dim = self._start.shape[1]
-        self._weight = self._mass * np.tile(self.gravity(start, end), len(self._q) // dim)
+        self._weight = self._loads(start, end)
         self._pushed = self._joined = self._kick = np.zeros_like(self._v)
         self._begun = None
         if self._led is not None:
@@ -380,13 +398,23 @@ class NetMidpoint(FewInterior):
         return _STALLED * _SETTLED * size
 
     def advance(self) -> float:
-        """End the step at what was found; the work of supports that move [J]."""
-        work = self._lead()
+        """End the step at what was found; the work of forces and supports that move [J]."""
+        work = self._lead() + self._driven()
         self._q, self._v = self._end(self._ahead), self._ahead + self._kick
         if self._led_ahead is not None:
             self._led = self._led_ahead
         self._begun = None
         return work
+
+    def _driven(self) -> float:
+        """Work of forces on all of it [J]."""
+        if not self._driving.any():
+            return 0.0
+        way = self.spread(0.5 * self.span * (self._v + self._ahead))
+        if self._led is not None and self._led_ahead is not None:
+            way = way + self._led_ahead[0] - self._led[0]
+        carried = self.bodies.node_mass @ way / self.bodies.masses[0]
+        return float(self._driving @ carried)
 
     def _lead(self) -> float:
         """Work of supports on the masses that they move [J]: what these gain, less other forces."""

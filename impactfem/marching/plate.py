@@ -23,7 +23,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from impactfem.arrays import Floats
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.held_rows import HeldLumped
-from impactfem.marching.layers import Sums
+from impactfem.marching.layers import Backward, Sums
 from impactfem.marching.plate_shown import ShownPlate
 from impactfem.marching.plate_start import PlateAtRest
 from impactfem.marching.plate_step import PlateStep
@@ -409,6 +409,56 @@ class PlateMidpoint(ShownPlate):
                 self._v @ self._turns,
             )
         ]
+
+    @property
+    def reversible(self) -> bool:
+        """Whether `backward` knows all that happens in a layer."""
+        return not (self._moves or self.bodies.by_gap)
+
+    @property
+    def dofs(self) -> int:
+        """How many coordinates `backward` takes."""
+        return len(self._q)
+
+    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:  # noqa: ARG002  (as the interface has it)
+        """Derivatives by what a layer begins with; see `Reversible`.
+
+        Coordinates are those without contact forces on what has no mass, which follows all else.
+        """
+        heavy, light, layer = self._heavy, self._light, self._layer
+        moved, turned = place + self.settled(contact), np.zeros_like(rate)
+        if moved[light].any():
+            eased = np.zeros_like(moved)
+            eased[light] = self._statics.solve(moved[light])
+            moved -= self.bodies.stiffness @ eased
+        moved[light] = 0.0
+        turned[heavy] = rate[heavy]
+        moved += (2.0 / self.dt) * turned
+        loads = self.answer(moved)
+        begun = (1.0 - layer.advance) * moved + layer.motion(loads, 0.0 * loads, self.dt)
+        begun -= (2.0 / self.dt) * turned
+        rates = (2.0 / self.dt) * self._mass * loads - turned
+        return Backward(begun, rates, self.contact_moved(loads), loads)
+
+    def settled(self, contact: Floats) -> Floats:
+        """Derivatives by coordinates of those by contact nodes; see `Reversible`."""
+        return self.pulled(contact)[0]
+
+    def pressed_by(self, place: Floats) -> Floats:
+        """Derivatives by static forces on contact nodes of those by coordinates, (count, 3)."""
+        held = np.zeros_like(place)
+        if place[self._light].any():
+            held[self._light] = self._statics.solve(place[self._light])
+        return self.contact_moved(held)
+
+    def sums_by(self) -> tuple[Floats, Floats]:
+        """Mass times displacement and momentum; see `Reversible`."""
+        along = np.outer(self._normal, self._pull)
+        return along, along
+
+    def energies_by(self, placed: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+        """Elastic energy by coordinates, kinetic energy by rates, (d,) each."""
+        return np.asarray(self.bodies.stiffness @ placed), self._mass * velocity
 
     @property
     def _taut(self) -> float:

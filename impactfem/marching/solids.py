@@ -94,9 +94,10 @@ class SolidMarch(TimeLoop[Interior]):
     def reversible(self) -> bool:
         """Whether `impactfem.marching.reversed_march` knows all that happens in its layers."""
         plain = self._scheme.massless and self._springs is None and self._bonds is None
-        plain = plain and not (self._by_mass or self._changes or self._radiating.any())
+        by_speed = self._by_mass or self._changes or self._radiating.any()
+        plain = plain and not (by_speed and len(self.contact.gap))
         start = self._start_force.any() or self._rubs or self._gaps.shares_nodes
-        still = not getattr(self._gaps, "updated", True)
+        still = not getattr(self._gaps, "normals_vary", True)
         return bool(plain and still and not start and getattr(self.interior, "reversible", False))
 
     @property

@@ -13,6 +13,7 @@ import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.errors import SceneError
+from impactfem.marching.bar_start import BarAtRest
 from impactfem.marching.few import FewInterior
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.iterated import SHARE
@@ -20,7 +21,7 @@ from impactfem.marching.layers import Sums
 from impactfem.marching.stations import Held
 from impactfem.marching.wave_bar_kernels import arriving_means, end_layer, integrals
 from impactfem.marching.waves import Delay, left_ends
-from impactfem.scene import PiecewiseVector
+from impactfem.scene import Bar, PiecewiseVector
 from impactfem.system.few import ElasticBar
 from impactfem.system.stations import Stations
 
@@ -52,9 +53,9 @@ class WaveBar(FewInterior):
                 f"solve.dt = {dt:g} s is longer than a wave needs through {bar.name}, "
                 f"{bar.transit_time:g} s: give a smaller one"
             )
-        delay = Delay.of(bar.transit_time, dt)
-        self._share, self._transit = delay.share, bar.transit_time
-        self._mean, self._rise = left_ends(bar, delay, dt)
+        self._delay = Delay.of(bar.transit_time, dt)
+        self._share, self._transit = self._delay.share, bar.transit_time
+        self._mean, self._rise = left_ends(bar, self._delay, dt)
         self._clamped = bar.far_end == "clamped"
         # Speed [m/s] and way [m] of the observer who falls along the bar.
         self._fallen = np.zeros(2)
@@ -108,6 +109,20 @@ class WaveBar(FewInterior):
         self._pushed, self._joined = np.zeros(2), np.zeros(2)
 
     set_out = begin
+
+    def at_rest(self) -> BarAtRest:
+        """It as the search for equilibrium asks it."""
+        return BarAtRest(self)
+
+    def displaced(self, q: Floats) -> Floats:
+        """Displacements of the ends with some coordinates [m], (2, dim)."""
+        return self.bodies.places(q) - self._start
+
+    def put(self, ends: Floats, bar: Bar) -> float:
+        """Begin with displacements of the ends [m], (2,), and the waves of a bar; its way [m]."""
+        self._q = ends
+        self._mean, self._rise = left_ends(bar, self._delay, self.dt)
+        return self._integrals()[2] - self._initial
 
     def held(self, stations: Stations) -> Held:
         """It as joints hold it."""

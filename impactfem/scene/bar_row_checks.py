@@ -4,7 +4,6 @@ from itertools import pairwise
 
 from impactfem.scene.bodies import Bar
 from impactfem.scene.content import Content
-from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.obstacles import OBSTACLES
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -36,20 +35,14 @@ def check_bar_row(scene: Content) -> None:
         )
         raise KeyedError("contact[0]", "", text)
     bars = scene.bars
-    if len(bars) == 1:
+    here = f"here is none: {{}}, or {_FAR_WALL}" if len(bars) == 1 else "here are other bodies: {}"
+    for index, bar in enumerate(bars):
         try:
-            bars[0].check_plain(f"here is none: {{}}, or {_FAR_WALL}")
+            bar.check_plain(here)
         except KeyedError as error:
-            raise error.moved("body[0]") from None
+            raise error.moved(f"body[{index}]") from None
     for index, (before, bar) in enumerate(pairwise(bars), start=1):
         _check_order(before, bar, index)
-    gravity = scene.gravity
-    if not isinstance(gravity, PiecewiseConstant) or any(gravity.values):
-        shown = show(list(gravity.values) if len(gravity.values) > 1 else gravity.values[0])
-        alone = f"a bar without a wall moves without gravity: remove it, or {_FAR_WALL}."
-        several = "bars in a row move without gravity: remove it."
-        text = f" = {shown} does not vanish, but {alone if len(bars) == 1 else several}"
-        raise KeyedError("", "gravity", text)
     solve, words = scene.solve, words_of(len(bars))
     if solve.method is not None and solve.method not in METHODS_OF_ROWS:
         *others, last = map(show, METHODS_OF_ROWS)

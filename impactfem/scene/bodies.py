@@ -54,6 +54,7 @@ class Bar(BodyKind):
     waves: ClassVar[bool] = True
     in_elements: ClassVar[bool] = True
     small_strains: ClassVar[bool] = False  # linear at any strain
+    settles: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
     staggers: ClassVar[bool] = False
@@ -149,10 +150,15 @@ class Bar(BodyKind):
         axis = np.asarray(self.axis, dtype=np.float64)
         return np.asarray(self.point, dtype=np.float64), axis / np.linalg.norm(axis)
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether nothing drives or loads it, and it is the same along itself."""
+        return self.is_uniform and not (self.is_loaded or self.is_driven)
+
     @override
     def check_beside(self, bodies: Sequence[BodyKind]) -> None:
-        if len(bodies) > 1:
-            self.check_plain("here are other bodies: {}")
+        here = "are other bodies" if len(bodies) > 1 else "is more than that, or none"
+        self.check_plain(f"here {here}: {{}}")
 
     def check_plain(self, remedy: str) -> None:
         """Refuse what only a bar knows that is alone before a wall.

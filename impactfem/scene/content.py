@@ -227,11 +227,16 @@ class Content:
     def bars(self) -> tuple[Bar, ...]:
         """The bars of the scene in the order of their axis; none if the march takes them.
 
-        It does beside other bodies, with joints, and where a contact gives way, unless a method is
-        asked for that knows the spring of a wall: the bar then has its stiffness.
+        It does beside other bodies, with joints, in a row that falls or starts at rest, and where a
+        contact gives way, unless a method is to solve it that knows the spring of a wall: the bar
+        then has its stiffness.
         """
         bars = self._all(Bar)
         if len(bars) != len(self.bodies) or self.couplings or self.sampled:
+            return ()
+        row, on_axis = len(bars) > 1, bars[0].point is None
+        pulled = (row and self.starts_at_rest) or ((row or not self.obstacles) and self._falls)
+        if pulled and on_axis:
             return ()
         if self.gives_way:
             wall = self._spring_wall
@@ -244,8 +249,14 @@ class Content:
 
     @cached_property
     def _spring_wall(self) -> float | None:
-        """Stiffness of the wall of a lone bar [N/m] where the method asked for knows one."""
-        method = METHODS.get(self.solve.method or "")
+        """Stiffness of the wall of a lone bar [N/m] where the method asked for knows one.
+
+        So does the one of bars that waves do not tell, if none is asked for.
+        """
+        asked = self.solve.method
+        if asked is None and not self._all(Bar)[0].is_plain:
+            asked = next(name for name, each in METHODS.items() if each.spring_walls)
+        method = METHODS.get(asked or "")
         if method is None or not method.spring_walls or len(self.bodies) + len(self.obstacles) > 2:
             return None
         ends = {each.name for each in (*self.bodies, *self.obstacles)}
@@ -354,6 +365,12 @@ class Content:
         return why_marched(self)
 
     @property
+    def _falls(self) -> bool:
+        """Whether gravity acts at any time, or is given as of bodies in space."""
+        vector = isinstance(self.gravity, PiecewiseVector)
+        return vector or not self.gravity.is_constant or self.gravity.values[0] != 0.0
+
+    @property
     def gives_way(self) -> bool:
         """Whether any contact has a stiffness."""
         return any(law.stiffness is not None for law in self.contacts)
@@ -401,14 +418,14 @@ def why_marched(scene: Content) -> str | None:
         return f"bodies of different kinds ({', '.join(kinds)})"
     if scene.sampled or scene.couplings or (scene.starts_at_rest and not scene.bars):
         return _of_scene(scene)
-    given_way = scene.gives_way and not scene.bars
-    if not all(body.marches_alone for body in scene.bodies) and not given_way:
+    marched = scene.gives_way or kinds == ["bar"]
+    if not all(body.marches_alone for body in scene.bodies) and (scene.bars or not marched):
         return None
     if len(scene.bodies) > 1 and not all(body.meets_alike for body in scene.bodies):
         return f"several bodies of kind {kinds[0]}"
     if not any(scene.kinds <= method.bodies for method in METHODS.values()):
         return f"a {kinds[0]}"
-    return "gravity that changes" if _changes(scene) else _of_laws(scene)
+    return _of_gravity(scene) or _of_laws(scene)
 
 
 def _of_scene(scene: Content) -> str:
@@ -420,10 +437,13 @@ def _of_scene(scene: Content) -> str:
     return what if scene.couplings else "a start at rest"
 
 
-def _changes(scene: Content) -> bool:
-    """Whether gravity changes, of bodies whose other methods take a constant one."""
+def _of_gravity(scene: Content) -> str | None:
+    """What of gravity other methods do not know, in words."""
     slender = any(body.is_slender for body in scene.bodies)
-    return slender and not scene.gravity.is_constant
+    if slender and not scene.gravity.is_constant:
+        return "gravity that changes"
+    bars = scene.kinds == {"bar"} and not scene.gives_way
+    return "gravity of bars without a wall of their own" if bars else None
 
 
 def _of_laws(scene: Content) -> str | None:

@@ -25,7 +25,7 @@ COURSES = ("constant", "linear")
 AXES = "xyz"
 _LOADS = {"traction": "tractions", "pressure": "pressures", "motion": "supports"}
 _ON_SURFACE = re.compile(r"body\.([^.]+)\.(traction|pressure|motion)\.([^.]+)(\.[^.]+)?")
-"""`body.NAME.traction.SURFACE.x`: loads of solids by the names of their surfaces."""
+"""`body.NAME.traction.SURFACE.x`: loads by the names of surfaces, of plates of faces and edges."""
 
 
 @table("[[control]]")
@@ -41,7 +41,8 @@ class Control:
     name: str = key(Name(), "name of the control; formulas in t may use it")
     acts: str | None = key(
         Line(), "path of a formula in t that it is added to, as body.ball.force.x, "
-        "body.S.traction.SURFACE.x, body.S.motion.SURFACE.y, joint.J.motor", default=None,
+        "body.S.traction.SURFACE.x, body.S.motion.SURFACE.y, joint.J.motor; of plates "
+        "body.P.pressure.top, body.P.motion.EDGE", default=None,
         absent="its name stands in formulas",
     )  # fmt: skip
     course: str = key(
@@ -49,7 +50,7 @@ class Control:
         name="kind", default=COURSES[0],
     )  # fmt: skip
     along: str = key(
-        Choice(("t", "x")), "whether its pieces follow each other in time, or along x of a body",
+        Choice(("t", "x")), "whether its pieces follow each other in time, or along a bar",
         default="t",
     )  # fmt: skip
     pieces: int = key(
@@ -228,13 +229,16 @@ def _loaded(data: dict[str, Any], path: str) -> str:
         return path
     body, load, surface, axis = named.groups()
     place, where = f"body.{body}.{_LOADS[load]}", f".{surface}.value{axis or ''}"
+    plate = looked_up(data, f"body.{body}.kind") == "plate"
     if load == "motion":
-        return place + where
+        return f"{place}.{surface}.motion{axis or ''}" if plate else place + where
     given = [] if is_missing(data, place) else cast("list[Any]", looked_up(data, place))
-    if all(each.get("surface") != surface for each in given):
-        in_space = looked_up(data, f"body.{body}.model") == "3d"
-        none = [0] * (3 if in_space else 2) if load == "traction" else 0
-        assign(data, place, [*given, {"surface": surface, "value": none}])
+    face = "face" if plate else "surface"
+    if all(each.get(face) != surface for each in given):
+        none: Any = 0
+        if load == "traction":
+            none = [0] * (3 if looked_up(data, f"body.{body}.model") == "3d" else 2)
+        assign(data, place, [*given, {face: surface, "value": none}])
     return place + where
 
 

@@ -79,7 +79,6 @@ def check_scene(scene: Content, gravity: object) -> None:
     check_adhesion(scene)
     _check_counts(scene)
     if len(scene.bars) > 1 or (scene.bars and not scene.obstacles):
-        _check_bodies(scene)
         check_bar_row(scene)
     elif scene.bars:
         _check_bar(scene, gravity)
@@ -207,12 +206,10 @@ def _check_start(scene: Content) -> None:
     """Refuse a start at rest of bodies that cannot be brought there."""
     if not scene.starts_at_rest:
         return
-    alone = scene.bars if len(scene.bars) == 1 else ()
-    unsettled = [body for body in scene.bodies if not (body.settles or alone)]
+    unsettled = [body for body in scene.bodies if not body.settles]
     if unsettled:
         body = unsettled[0]
         able = " and ".join(kind for kind, cls in BODIES.items() if cls.settles)
-        able += " and a bar alone before a wall"
         text = f" = {show(scene.start)} brings bodies of kind {able} to rest, {body.name} is a "
         text += f"{body.kind}: remove "
         raise KeyedError("", "start", f"{text}it, or model that body as one of these.")

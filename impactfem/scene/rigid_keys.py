@@ -50,18 +50,22 @@ class InertiaKind(Kind):
         return [list(row) for row in value] if isinstance(value, tuple) else value
 
 
-def check_forces(body: Any, moving: Mapping[str, float], turning: Mapping[str, float]) -> None:
+def check_forces(
+    body: Any, moving: Mapping[str, float], turning: Mapping[str, float] | None = None
+) -> None:
     """Refuse formulas that need other coordinates, or have no finite value at the start.
 
     Args:
         body: With `force` and `moment`, formulas or None.
         moving: What the first may use besides t, at the start.
-        turning: What the second may.
+        turning: What the second may; None if it has none.
 
     Raises:
         KeyedError: naming the key.
     """
     for name, known in (("force", moving), ("moment", turning)):
+        if known is None:
+            continue
         for index, formula in enumerate(getattr(body, name) or ()):
             values = {"t": 0.0, **known}
             missing = sorted(formula.used.difference(values))

@@ -95,7 +95,7 @@ class Scene(Content):
         self._open_files()
         self._add_masses()
         self._add_joints()
-        if self.gives_way and not self.bars and not any(body.marches_alone for body in self.bodies):
+        if self.dim == 1 and not self.bars and self.kinds == {"bar"}:
             self._turn_gravity()
         check_scene(self, gravity)
         self._start_parameters()

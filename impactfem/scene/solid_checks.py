@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 VARYING = ("density", "youngs_modulus", "poisson_ratio")
 """Constants of the material that may be formulas."""
 _FAR = 1e8  # times its extent, beyond which rounding of places shows in contact
+_THIN = 1e-7  # of its extent: Gmsh takes points nearer than 1e-8 of it for one
 
 
 def check_solid(solid: "Solid") -> None:
@@ -107,11 +108,15 @@ def _check_sizes(solid: "Solid") -> None:
         return
     if solid.shape is not None:
         lower, upper = solid.shape.bounds(axisymmetric=solid.is_axisymmetric)
-        extent = max(b - a for a, b in zip(lower, upper, strict=True))
+        extents = [b - a for a, b in zip(lower, upper, strict=True)]
+        extent, least = max(extents), min(extents)
         far = max(abs(place) for place in (*lower, *upper))
         if far > _FAR * extent:
             text = f" lies {far:.3g} m from the origin and is {extent:.3g} m large: rounding would"
             raise _fail(solid, "shape", f"{text} spoil its places; put the origin near it.")
+        if least < _THIN * extent:
+            text = f" is {least:.3g} m across and {extent:.3g} m long: a mesh generator takes both"
+            raise _fail(solid, "shape", f"{text} sides of it for one; make it thicker, or a plate.")
         if solid.mesh_size > extent:
             text = f" = {solid.mesh_size} exceeds the largest extent {extent:.6g} of the shape"
             raise _fail(solid, "mesh_size", f"{text}: give a smaller one in m.")

@@ -9,11 +9,12 @@ from impactfem.arrays import Floats
 from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.boundary import Support
 from impactfem.scene.damping import QUALITY, RATIO, Damping, fill_damping, filled_keys
-from impactfem.scene.given import MaybeTable, Tables
-from impactfem.scene.inline import InlineTable, ListOf, NumberOrVector, Vector
+from impactfem.scene.given import MaybeFormulas, MaybeTable, Tables
+from impactfem.scene.inline import Formulas, InlineTable, ListOf, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
 from impactfem.scene.mesh_files import MESH_FILES
 from impactfem.scene.rigid_forms import form_of
+from impactfem.scene.rigid_keys import check_forces
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.shapes import Block, Disc, Ring
 from impactfem.scene.values import show
@@ -78,6 +79,11 @@ class SpringNet(BodyKind):
         NumberOrVector(), "rotation at t = 0 about the centre of mass, added to the velocity",
         unit="rad/s", default=None, absent="0",
     )  # fmt: skip
+    force: MaybeFormulas = key(
+        Formulas(("t",), lengths=(2, 3)),
+        "applied to the body besides gravity, spread over its masses as they weigh",
+        unit="N", default=None, absent="none",
+    )  # fmt: skip
     supports: Tables[Support] = key(
         ListOf(InlineTable((Support,))),
         'surfaces all masses of which are held, kind = "fixed", or moved, kind = "motion"',
@@ -110,9 +116,12 @@ class SpringNet(BodyKind):
         if self.diagonal_stiffness is not None and self.pattern != "crossed":
             text = ' needs pattern = "crossed": give that, or remove it.'
             raise self._fail("diagonal_stiffness", text)
-        if self.velocity is not None and len(self.velocity) != self.dim:
-            text = f" has {len(self.velocity)} entries, the body has {self.dim}: give {self.dim}."
-            raise self._fail("velocity", text)
+        for name in ("velocity", "force"):
+            given = getattr(self, name)
+            if given is not None and len(given) != self.dim:
+                text = f" has {len(given)} entries, the body has {self.dim}: give {self.dim}."
+                raise self._fail(name, text)
+        check_forces(self, {})
         spin, turns = self.angular_velocity, 2 * self.dim - 3
         if spin is not None and (np.size(spin) != turns or np.ndim(spin) != self.dim - 2):
             wanted = "a number" if turns == 1 else "3 numbers"
@@ -150,7 +159,10 @@ class SpringNet(BodyKind):
 
     def _fail(self, name: str, text: str) -> KeyedError:
         value = getattr(self, name)
-        shown = show(list(value)) if isinstance(value, tuple) else show(value)
+        plain = (
+            [getattr(each, "plain", each) for each in value] if isinstance(value, tuple) else value
+        )
+        shown = show(plain)
         return KeyedError(self.kind, name, f" = {shown}{text}")
 
     @property

@@ -188,6 +188,10 @@ def is_missing(data: dict[str, Any], path: str) -> bool:
     return isinstance(place, dict) and name not in place
 
 
+_PLACES = "surface", "edge", "face"
+"""Keys by which loads and supports of solids and of plates may be named."""
+
+
 def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
     """Return the table or list of numbers in which a path ends, and the key or index in it."""
     parts = [part.strip() for part in path.replace("[", ".").replace("]", "").split(".")]
@@ -197,7 +201,7 @@ def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
             found = {str(index): entry for index, entry in enumerate(place)}
             entries = [entry for entry in place if isinstance(entry, dict)]
             found |= {str(e["kind"]): e for e in entries if "kind" in e and "name" not in e}
-            found |= {str(e["surface"]): e for e in entries if "surface" in e}
+            found |= {str(e[key]): e for key in _PLACES for e in entries if key in e}
             found |= {str(e["name"]): e for e in entries if "name" in e}
             if part not in found:
                 raise NotAllowedError(f"there is no {show(part)}; write {' or '.join(found)}")

@@ -38,6 +38,7 @@ class Net(FewBodies):
         free: Nodes that are not held, (free,).
         led: Nodes that supports move, and their displacements in t [m] along each axis.
         damping: By mass [1/s] and by stiffness [s].
+        force: On all of it besides gravity, in t [N], along each axis; none: 0.
     """
 
     mesh: NetMesh
@@ -45,6 +46,7 @@ class Net(FewBodies):
     free: Integers
     led: tuple[tuple[Integers, tuple[Formula, ...]], ...] = ()
     damping: tuple[float, float] = (0.0, 0.0)
+    force: tuple[Formula, ...] = ()
 
     def leading(self, time: float) -> tuple[Floats, Floats]:
         """Displacements [m] and velocities [m/s] that supports give at a time, (nodes, dim) each.
@@ -225,6 +227,7 @@ def net_system(scene: Scene, body: SpringNet) -> Net:
         free=free,
         led=tuple(led),
         damping=_damping(body, mesh, mass, free),
+        force=tuple(body.force or ()),
     )
     object.__setattr__(found, "words", _in_words(found))
     return found

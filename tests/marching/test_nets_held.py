@@ -122,3 +122,38 @@ def test_what_is_no_support_or_damping_of_a_net_is_refused():
         scene({"damping": {"mass": 1.0, "ratio": 0.1}}, 0.1)
     with pytest.raises(SceneError, match=r"damping.ratio = \[0.1, 0.2\] has 2 entries"):
         scene({"damping": {"ratio": [0.1, 0.2]}}, 0.1)
+
+
+def test_a_force_drives_all_of_it_as_weight_does(tmp_path, monkeypatch):
+    """Of a held net as one oscillator, of a free one as a point; its work is what they gain."""
+    size, turn, last = 3.0, 12.0, 0.3
+    made = scene({"force": ["0", f"{size}*sin({turn}*t)"]}, last)
+    found = impactfem.solve(made).history
+    time = found["time"].values
+    # Half of the force acts on half of the mass, the rest on what holds the others.
+    rest = 0.5 * size / (RATE**2 - turn**2)
+    y = rest * (np.sin(turn * time) - turn / RATE * np.sin(RATE * time))
+    slow = 2.0 * rest * last * RATE**3 * 1e-6 / 12.0
+    assert found["net.y"].values == pytest.approx(1.25 + y, abs=slow)
+    power = size * np.sin(turn * time) * rest * turn * (np.cos(turn * time) - np.cos(RATE * time))
+    work = np.concatenate([[0.0], np.cumsum(0.5e-3 * (power[1:] + power[:-1]))])
+    gained = found["kinetic_energy"].values + found["elastic_energy"].values
+    assert gained == pytest.approx(work, abs=3.0 * slow * size)
+    assert np.abs(found["total_energy"].values).max() < 1e-12 * work.max()
+    still = impactfem.solve(scene({"force": ["0", "-8"]}, 0.02, start="static")).history
+    assert still["net.y"].values == pytest.approx(1.25 - 0.5 * 4.0 / 200.0, abs=1e-12)
+    free = {"supports": [], "force": ["2*t", "0"], "angular_velocity": 3.0}
+    thrown = impactfem.solve(scene(free, 0.05)).history
+    assert thrown["net.vx"].values == pytest.approx(thrown["time"].values ** 2, abs=1e-13)
+    short = {"duration": 0.02, "output.checkpoint": 5}
+    check_restart(made.with_settings(short), 12, tmp_path, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("force", "says"),
+    [(["t", "0", "0"], "force = .* has 3 entries"), (["0", "x"], "force"),
+     (["0", "1/t"], r"force\[1\] = .* no finite value at the start")],
+)  # fmt: skip
+def test_forces_that_are_none(force, says):
+    with pytest.raises(SceneError, match=says):
+        scene({"force": force}, 0.1)

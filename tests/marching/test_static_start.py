@@ -289,14 +289,15 @@ def test_a_start_beyond_the_limits_of_the_model_is_not_trusted():
     assert codes["model_strain"]["severity"] == "fault"
 
 
-def test_other_bodies_are_refused():
+def test_other_bodies_are_refused(monkeypatch):
+    monkeypatch.setattr(impactfem.bodies.Bar, "settles", False)  # as of kinds that are registered
     bar = {"kind": "bar", "length": 1.0, "density": 1.0, "youngs_modulus": 1.0, "gap": 0.5}
     table = {
         "title": "no", "duration": 1.0, "start": "static", "body": [{"name": "b"} | bar],
         "obstacle": [{"name": "wall", "kind": "wall"}],
     }  # fmt: skip
     says = "brings bodies of kind solid and point and rod and beam and rigid and mechanism and "
-    says += "springs and plate and a bar alone before a wall to rest"
+    says += "springs and plate to rest"
     table["body"].append({**table["body"][0], "name": "c", "gap": 2.0})
     with pytest.raises(SceneError, match=f'start = "static" {says}, b is a bar: remove it'):
         Scene.from_dict(table)

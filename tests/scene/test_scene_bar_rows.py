@@ -40,8 +40,11 @@ CASES = {
         first(far_end="clamped"),
         ['body[0].far_end = "clamped"', "only the last", "remove it"],
     ),
-    "gravity": ({"gravity": 9.81}, ["gravity = 9.81", "without gravity"]),
-    "gravity vector": ({"gravity": [0.0, -9.81]}, ["gravity = ", "without gravity"]),
+    "gravity vector": ({"gravity": [0.0, -9.81]}, ["gravity = ", "have 1 coordinates"]),
+    "method under gravity": (
+        {"gravity": 9.81, "solve": {"method": "exact"}},
+        ['solve.method = "exact"', "gravity of bars", 'give "conserving"'],
+    ),
     "contact": (
         {"contact": [{"between": ["first", "second"], "restitution": 0.5}]},
         ["contact[0]", "their own elasticity", "remove"],
@@ -97,8 +100,7 @@ def test_a_wall_is_optional():
 
 @pytest.mark.parametrize(
     ("changes", "key", "value"),
-    [({"gravity": 9.81}, "gravity", "9.81")]
-    + [({"body": {name: "1+x"}}, f"body[0].{name}", "1+x") for name in ("area", "density")]
+    [({"body": {name: "1+x"}}, f"body[0].{name}", "1+x") for name in ("area", "density")]
     + [({"body": {name: "t"}}, f"body[0].{name}", "t") for name in ("load", "far_end_force")],
 )
 def test_what_only_a_bar_before_a_wall_knows(changes, key, value):
@@ -106,7 +108,7 @@ def test_what_only_a_bar_before_a_wall_knows(changes, key, value):
     lone = {**data()["body"][0], **changes.get("body", {})}
     with pytest.raises(SceneError) as caught:
         Scene.from_dict(data(**{**changes, "body": [lone]}))
-    for part in (key, value, "without a wall" if key == "gravity" else "here is none", "out of"):
+    for part in (key, value, "here is none", "out of"):
         assert part in str(caught.value)
 
 

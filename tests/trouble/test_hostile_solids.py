@@ -11,7 +11,7 @@ from trouble_process import run
 import impactfem
 from impactfem import Scene
 from impactfem.contact.friction_kernels import sweep_cones
-from impactfem.errors import ImpactError, MeshError, SceneError
+from impactfem.errors import ImpactError, SceneError
 from impactfem.planning import plan
 from impactfem.starting import starters
 
@@ -152,7 +152,11 @@ def test_elements_larger_than_the_body_of_a_file_are_refused(tmp_path):
         plan(Scene.from_dict(table([plate])))
 
 
-def test_a_shape_that_gmsh_cannot_draw_is_a_fault_of_the_mesh():
-    needle = {"kind": "cylinder", "radius": 1e-12, "height": 0.03, "center": [0.0, 0.03, 0.0]}
-    with pytest.raises(MeshError, match="Gmsh could not mesh the shape: Zero radius"):
+@pytest.mark.parametrize("height", [0.03, 3e-12])
+def test_a_shape_without_thickness_is_refused_before_it_is_meshed(height):
+    """What Gmsh makes of it is chance: an error of its 3D algorithm, once the end of a process."""
+    needle = {"kind": "cylinder", "radius": 1e-12, "height": height, "center": [0.0, 0.03, 0.0]}
+    if height < 1e-11:
+        needle["radius"] = 0.02
+    with pytest.raises(SceneError, match=r"body\[0\].shape is .* m across and .* m long"):
         plan(Scene.from_dict(table([solid("needle", needle, 0.02, "3d")], obstacle=HIGH)))

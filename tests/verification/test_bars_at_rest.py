@@ -88,3 +88,71 @@ def test_what_nothing_holds_is_named_and_ways_to_the_wall_are_told():
     result = impactfem.solve(scene({"gap": 0.5}, G))
     (told,) = [f for f in result.summary["verdict"]["findings"] if f["code"] == "setting"]
     assert "has moved bar by 0.5 m, 25 % of its length" in told["text"]
+
+
+def row(bodies, gravity=G, start="static", **top):
+    table = {
+        "title": "row", "duration": 4e-4, "gravity": gravity, "start": start, "body": bodies,
+        "obstacle": [{"kind": "wall", "name": "wall"}], "output": {"fields": []},
+        "solve": {"elements": 50},
+    } | top  # fmt: skip
+    return impactfem.solve(Scene.from_dict(table)).history
+
+
+def stood(count, gap=0.0, **last):
+    """So many bars on each other, with what only the last one has."""
+    bars = [BAR | {"name": f"b{k}", "gap": gap * (k + 1) + L * k} for k in range(count)]
+    return [*bars[:-1], bars[-1] | last]
+
+
+def test_bars_in_a_row_bear_what_stands_on_them():
+    """On the wall all weights, on each next end one less; a mass on top adds its own."""
+    top = {"kind": "point", "name": "top", "mass": 4.0, "position": [2.0 * L]}
+    more, own = 4.0 * G, WEIGHT * L / (E * A)  # what a weight on its end presses a bar by
+    # Places of about L are rounded in each step, of which forces see Z / dt times the differences.
+    room = 64.0 * np.finfo(float).eps * 2.0 * L * RHO * A * np.sqrt(E / RHO) / (L / 2.5e5)
+    both = {"b0.wall": 2.0 * WEIGHT, "b0.b1": WEIGHT}
+    far = stood(3, far_end="clamped")
+    heavy = {"b0.wall": 2.0 * WEIGHT + more, "b0.b1": WEIGHT + more, "b1.top": more}
+    for history, forces, added in (
+        (row(stood(2)), both, 0.0),
+        (row(stood(2, 1e-3), [-G]), both, 0.0),
+        (row(far), both | {"b1.b2": 0.0}, 0.0),
+        (row([*stood(2), top], [-G]), heavy, 1.5 * more * L / (E * A)),
+    ):
+        for pair, force in forces.items():
+            np.testing.assert_allclose(history[f"force.{pair}"].values, force, rtol=0.0, atol=room)
+        energy = history["elastic_energy"].values
+        for name in ("kinetic_energy", "elastic_energy"):
+            assert np.ptp(history[name].values) < 8.0 * room / WEIGHT * energy[0]
+        # The one below by 3/2 of a weight on it, its own half to the middle: u = f x (2 L - x) / 2.
+        middle = 1.5 * L - (1.5 + 1.0 / 3.0) * own - added
+        assert history["b1.x"].values[0] == pytest.approx(middle, abs=1e-6 * own)
+
+
+def test_bars_that_fall_in_a_row_strike_as_one():
+    """Two that touch, onto the wall, as one of twice the length by characteristics."""
+    pull, speed, above, last = 100.0, {"velocity": -0.2}, 2e-6, {"duration": 1.9e-3}
+    bars = [bar | speed | {"gap": bar["gap"] + above} for bar in stood(2)]
+    found = row(bars, pull, "given", **last, solve={"elements": 100})
+    lone = BAR | speed | {"name": "b", "length": 2.0 * L, "gap": above}
+    exact = row([lone], pull, "given", **last, solve={"method": "exact"})
+    time = found["time"].values
+    known = np.interp(time, exact["time"].values, exact["b.vx"].values)
+    mean = 0.5 * (found["b0.vx"].values + found["b1.vx"].values)
+    np.testing.assert_allclose(mean, known, rtol=0.0, atol=5e-3 * np.abs(known).max())
+    assert known[-1] > -0.5 * known[0]  # it has rebounded
+    free = row(stood(1), pull, "given", obstacle=[], **last)
+    np.testing.assert_allclose(free["b0.vx"].values, -pull * free["time"].values, rtol=1e-12)
+
+
+def test_a_spring_wall_stops_what_is_driven():
+    """What drives a bar was left out where a wall gives way and no method is asked for."""
+    law = {"contact": [{"between": ["bar", "wall"], "stiffness": K}]}
+    for drive in ({"far_end_force": -300.0}, {"load": -150.0}):
+        made = Scene.from_dict(scene(drive, **law, start="given").to_dict())
+        assert made.bar.wall_stiffness == K
+        assert impactfem.plan(made).method == "galerkin"
+    damped = [law["contact"][0] | {"damping": 1.0}]
+    with pytest.raises(SceneError, match=r"far_end_force = .* drives a bar .*: remove it"):
+        scene({"far_end_force": -300.0}, contact=damped)

@@ -309,7 +309,10 @@ def _springs(_: Scene, body: Any) -> str:
         turning = quantity(spin[0], "rad/s") if len(spin) == 1 else vector(spin, "rad/s")
         text += f", turning at {turning}"
     held = [support.surface for support in body.supports]
-    return f"{text}, held at {', '.join(held)}." if held else f"{text}."
+    text = f"{text}, held at {', '.join(held)}." if held else f"{text}."
+    return (
+        text if body.force is None else f"{text} The force {formulas(body.force, 'N')} acts on it."
+    )
 
 
 def _plate(scene: Scene, plate: Any) -> str:
