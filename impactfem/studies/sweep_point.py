@@ -4,9 +4,9 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
@@ -207,7 +207,12 @@ def main() -> None:
     head = json.loads(sys.stdin.readline())
     scene = Scene.from_dict(json.loads(head["scene"]), base=head["folder"] or None)
     asked = Asked(**head["asked"] | {"figures": tuple(head["asked"]["figures"])})
-    for line in sys.stdin:
+    run_lines(scene, asked, sys.stdin, answers)
+
+
+def run_lines(scene: Scene, asked: Asked, lines: Iterable[str], answers: TextIO) -> None:
+    """Run the points of some lines, and answer each by a line."""
+    for line in lines:
         point = run_point(scene, json.loads(line), asked)
         answers.write(json.dumps(vars(point)) + "\n")
         answers.flush()

@@ -16,14 +16,16 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
 from impactfem.errors import FolderError, OutputError, SceneError
+from impactfem.extensions import load
 from impactfem.scene import Scene, parse_assignment
 from impactfem.scene.values import show
-from impactfem.studies.sweep_point import FIGURES, LONGEST, Asked, Point, run_point
+from impactfem.studies.forked import Forked
+from impactfem.studies.sweep_point import FIGURES, LONGEST, Asked, Point, run_lines, run_point
 
 MOST = 100_000
 """Largest number of points."""
@@ -390,18 +392,20 @@ def _run(
         for index, settings in points:
             yield index, run_point(scene, settings, asked)
         return
+    jobs = min(jobs, max(1, len(points)))
     team, here = (
         _Team({"scene": text, "folder": str(scene.folder or ""), "asked": vars(asked)}, extensions),
         threading.local(),
     )
+    ready = team.forked(scene, asked, jobs)
 
     def run(settings: dict[str, Any]) -> Point:
         worker = getattr(here, "worker", None)
         if worker is None or worker.poll() is not None:
-            worker = here.worker = team.start()
+            worker = here.worker = ready.pop() if ready else team.start()
         return team.ask(worker, settings)
 
-    pool = ThreadPoolExecutor(min(jobs, max(1, len(points))))
+    pool = ThreadPoolExecutor(jobs)
     try:
         waiting = {pool.submit(run, settings): index for index, settings in points}
         for done in as_completed(waiting):
@@ -416,8 +420,26 @@ class _Team:
 
     def __init__(self, head: dict[str, Any], extensions: Sequence[str]) -> None:
         self._head, self._extensions = head, list(extensions)
-        self._workers: list[subprocess.Popen[str]] = []
+        self._workers: list[Any] = []
         self._noise = tempfile.TemporaryFile()  # noqa: SIM115  (of libraries, and tracebacks)
+
+    def forked(self, scene: Scene, asked: Asked, count: int) -> list[Any]:
+        """Workers that begin with all that this process has loaded; none where that is unsafe."""
+        if sys.platform != "linux" or "mpi4py.MPI" in sys.modules or threading.active_count() > 1:
+            return []
+        import impactfem.solving  # noqa: F401, PLC0415  (once for all)
+
+        sys.stdout.flush()
+        sys.stderr.flush()
+
+        def work(lines: TextIO, answers: TextIO) -> None:
+            for extension in self._extensions:
+                load(extension)
+            run_lines(scene, asked, lines, answers)
+
+        for _ in range(count):
+            self._workers.append(Forked.start(work, self._noise.fileno(), self._workers))
+        return list(self._workers)
 
     def start(self) -> "subprocess.Popen[str]":
         """Start one; it ends with its input, also when we are killed."""
@@ -430,7 +452,7 @@ class _Team:
         self._say(worker, self._head)
         return worker
 
-    def ask(self, worker: "subprocess.Popen[str]", settings: dict[str, Any]) -> Point:
+    def ask(self, worker: Any, settings: dict[str, Any]) -> Point:
         """Have one run a point."""
         self._say(worker, settings)
         line = worker.stdout.readline() if worker.stdout else ""
@@ -443,7 +465,7 @@ class _Team:
         return Point(code, {}, [], f"its process ended with exit code {code}: {last}"[:LONGEST])
 
     @staticmethod
-    def _say(worker: "subprocess.Popen[str]", what: dict[str, Any]) -> None:
+    def _say(worker: Any, what: dict[str, Any]) -> None:
         if worker.stdin:
             with suppress(OSError):  # one that has ended is seen as it is asked
                 worker.stdin.write(json.dumps(what) + "\n")
