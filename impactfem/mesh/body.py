@@ -145,14 +145,16 @@ def _made(solid: Any, degree: int, folder: Path) -> tuple[RawMesh, float]:
         path = Path(folder, solid.mesh)
         where = f"mesh file {path}"
         at = np.zeros(solid.dim) if solid.position is None else np.array(solid.position)
-        balls = [replace(ball, point=(ball.point - at).tolist()) for ball in solid.refine]
+        turn = solid.turn
+        balls = [replace(ball, point=((ball.point - at) @ turn).tolist()) for ball in solid.refine]
         raw = read_body(
             path, solid.model, degree, mesh_size=solid.mesh_size, refine=balls,
             cells=solid.cells, used=_used(solid), materials=solid.materials,
             part=solid.part,
         )  # fmt: skip
         check_names(raw.surfaces, _used(solid), where)
-        raw = replace(raw, points=raw.points + at)
+        points = raw.points if solid.orientation is None else raw.points @ turn.T
+        raw = replace(raw, points=points + at)
     elif solid.cells == "hexahedron":
         where = _of_shape(solid)
         if solid.refine:

@@ -12,7 +12,7 @@ from impactfem.scene.fallers import Move, curves, outline, place
 from impactfem.scene.given import MaybeTable
 from impactfem.scene.inline import InlineTable
 from impactfem.scene.kinds import Real
-from impactfem.scene.rigid_keys import Orientation, rotation
+from impactfem.scene.rigid_keys import Orientation
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
@@ -130,12 +130,9 @@ def _turn(drop: Drop, dim: int) -> Floats:
         return np.eye(dim)
     if dim == 3:
         drop.orientation.check_in_space("drop")
-        return rotation(np.asarray(drop.orientation.unit))
-    angle = drop.orientation.in_plane
-    if angle is None:
+    elif drop.orientation.in_plane is None:
         raise KeyedError("drop", "orientation", ": in the plane all turns are about z: give angle.")
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s], [s, c]])
+    return drop.orientation.matrix(dim)
 
 
 def _turned(outline: tuple[Floats, Floats], turn: Floats, pivot: Floats) -> tuple[Floats, Floats]:

@@ -133,7 +133,7 @@ def _of_net(body: SpringNet, folder: Path) -> Outline:
 def _of_solid(body: Solid, folder: Path) -> Outline:
     if body.shape is not None:
         return _of_form(form := form_of(body.shape), form.centre, np.eye(form.dim))
-    nodes = _nodes(body, body.dim, folder)
+    nodes = _nodes(body, body.dim, folder) @ body.turn.T
     if body.position is not None:
         nodes = nodes + body.position
     return nodes, np.zeros(len(nodes))
@@ -220,9 +220,13 @@ def _move_solid(body: Solid, tables: dict[str, Any], move: Move) -> None:
     _check_even(body, tables)
     if move.turns:
         _turn_drawn(body, tables, move)
-    centre = np.zeros(body.dim) if body.shape is None else form_of(body.shape).centre
+        _turn_materials(body, tables, move)
     for refined in tables.get("refine", ()):
         refined["point"] = move.point(refined["point"])
+    if body.shape is None:
+        tables["position"] = move.point(body.position or np.zeros(body.dim))
+        return
+    centre = form_of(body.shape).centre
     _shift(tables, np.asarray(move.point(centre)) - centre)
 
 
@@ -317,16 +321,48 @@ def _orient(body: RigidBody, tables: dict[str, Any], move: Move) -> None:
         tables["angle"] = body.angle + math.atan2(move.turn[1, 0], move.turn[0, 0])
         tables.pop("orientation", None)
         return
+    tables["orientation"] = _oriented(move.turn @ body.rotation)
+
+
+def _oriented(turn: Floats) -> dict[str, Any]:
+    """The table of a rotation matrix."""
+    if len(turn) == 2:
+        return {"angle": math.atan2(turn[1, 0], turn[0, 0])}
     from scipy.spatial.transform import Rotation  # noqa: PLC0415  (slow to load)
 
-    x, y, z, w = Rotation.from_matrix(move.turn @ body.rotation).as_quat()
-    tables["orientation"] = {"quaternion": [float(each) for each in (w, x, y, z)]}
+    x, y, z, w = Rotation.from_matrix(turn).as_quat()
+    return {"quaternion": [float(each) for each in (w, x, y, z)]}
 
 
-def _turn_drawn(body: Solid | SpringNet, tables: Mapping[str, Any], move: Move) -> None:
-    """Turn the shape of a body, where it has an angle or looks the same."""
+def _turn_materials(body: Solid, tables: dict[str, Any], move: Move) -> None:
+    """Turn the axes of materials of a solid with it.
+
+    Raises:
+        KeyedError: It has stresses at rest.
+    """
+    if body.has_residual_stress:
+        text = f": {body.name} has residual_stress, whose components do not turn; draw it turned."
+        raise KeyedError("drop", "orientation", text)
+    materials: Mapping[str, Any] = tables.get("materials") or {}
+    homes: list[tuple[dict[str, Any], Any]] = [(tables, body)]
+    homes += [(materials[name], given) for name, given in body.materials.items()]
+    for home, given in homes:
+        if (law := given.orthotropic) is None:
+            continue
+        turn = np.eye(3)
+        turn[: body.dim, : body.dim] = move.turn
+        home["orthotropic"] = own(home["orthotropic"])
+        home["orthotropic"].pop("angle", None)
+        home["orthotropic"]["orientation"] = _oriented(turn @ law.axes)
+
+
+def _turn_drawn(body: Solid | SpringNet, tables: dict[str, Any], move: Move) -> None:
+    """Turn the shape of a body, where it has an angle or looks the same, or a mesh file."""
     shape = tables.get("shape")
     axisymmetric = isinstance(body, Solid) and body.is_axisymmetric
+    if isinstance(body, Solid) and not (shape or axisymmetric):
+        tables["orientation"] = _oriented(move.turn @ body.turn)
+        return
     if shape and shape["kind"] in {"disc", "sphere", "ring"} and not axisymmetric:
         return
     if not shape or "angle" not in shape or move.angle is None or axisymmetric:

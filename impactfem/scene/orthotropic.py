@@ -129,9 +129,9 @@ class OrthotropicSolid:
             found[i, j] = found[j, i] = -ratio / one
         return found
 
-    @cached_property
-    def stiffness(self) -> Floats:
-        """Stress by strain along x, y, z [Pa], (6, 6), symmetric."""
+    @property
+    def axes(self) -> Floats:
+        """Its axes by columns, (3, 3)."""
         turn = np.eye(3)
         if self.orientation is not None and self.orientation.in_plane is None:
             turn = rotation(np.asarray(self.orientation.unit))
@@ -141,6 +141,12 @@ class OrthotropicSolid:
             )
             c, s = math.cos(angle), math.sin(angle)
             turn[:2, :2] = [[c, -s], [s, c]]
+        return turn
+
+    @cached_property
+    def stiffness(self) -> Floats:
+        """Stress by strain along x, y, z [Pa], (6, 6), symmetric."""
+        turn = self.axes
         first, second = np.array(PLACES).T
         # Stress along x, y, z by stress along the axes: T_ij t_kl T' of symmetric tensors.
         mixed = turn[first][:, first] * turn[second][:, second]

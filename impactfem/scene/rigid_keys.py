@@ -159,6 +159,14 @@ class Orientation:
             return float(np.sign(self.axis[2])) * float(self.angle or 0.0)
         return 2.0 * math.atan2(vector[2], w)
 
+    def matrix(self, dim: int) -> Floats:
+        """Rotation matrix, (dim, dim)."""
+        if dim == 3:
+            return rotation(self.unit)
+        angle = float(self.in_plane or 0.0)
+        c, s = math.cos(angle), math.sin(angle)
+        return np.array([[c, -s], [s, c]])
+
     @property
     def unit(self) -> Floats:
         """Unit quaternion (w, x, y, z)."""

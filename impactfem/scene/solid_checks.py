@@ -9,6 +9,7 @@ from impactfem.scene.formula import Formula
 from impactfem.scene.kinds import FormulaOf
 from impactfem.scene.mesh_files import MESHES, check_part
 from impactfem.scene.nearest import nearest
+from impactfem.scene.rigid_keys import Orientation
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import NotAllowedError, show
 
@@ -60,6 +61,8 @@ def _check_source(solid: "Solid") -> None:
     if solid.position is not None and solid.is_axisymmetric and solid.position[0] != 0.0:
         text = f" = {show(list(solid.position))} leaves the axis x = 0; give 0 along x."
         raise _fail(solid, "position", text)
+    if solid.orientation is not None:
+        _check_orientation(solid, solid.orientation)
     if shape is None and mesh is None:
         raise _fail(solid, "shape", " is missing: give shape = { kind = ... }, or mesh = a file.")
     if shape is not None and mesh is not None:
@@ -70,6 +73,17 @@ def _check_source(solid: "Solid") -> None:
             shape.check_model(solid.model)
         except KeyedError as error:
             raise error.moved("").under("shape", solid.kind) from None
+
+
+def _check_orientation(solid: "Solid", given: Orientation) -> None:
+    """Refuse turns of what is drawn turned, or out of the plane."""
+    if solid.mesh is None or solid.is_axisymmetric:
+        why = "bodies on an axis stay on it" if solid.is_axisymmetric else "shapes have an angle"
+        raise _fail(solid, "orientation", f" is for mesh, and {why}; remove it.")
+    if solid.dim == 3:
+        given.check_in_space(solid.kind)
+    elif given.in_plane is None:
+        raise _fail(solid, "orientation", ": in the plane all turns are about z: give angle.")
 
 
 def _check_materials(solid: "Solid") -> None:

@@ -6,6 +6,9 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
+import numpy as np
+
+from impactfem.arrays import Floats
 from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.boundary import (
     SPACE,
@@ -32,6 +35,7 @@ from impactfem.scene.mesh_files import MESH_FILES, PART
 from impactfem.scene.ogden import OgdenTerm
 from impactfem.scene.orthotropic import OrthotropicSolid
 from impactfem.scene.probes import STRAINS
+from impactfem.scene.rigid_keys import Orientation
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.shape import MODELS
 from impactfem.scene.shapes import SHAPES, Block, Cylinder, Disc, Ring, Sphere
@@ -126,6 +130,12 @@ class Solid(BodyKind):
         unit="m",
         default=None,
         absent="at the origin",
+    )
+    orientation: MaybeTable[Orientation] = key(
+        InlineTable((Orientation,)),
+        "turns the mesh file about its origin at t = 0; axes of materials and formulas stay",
+        default=None,
+        absent="as the file has it",
     )
     part: str | None = key(Line(), PART, default=None, absent="all of them")
     mesh_size: float | None = key(
@@ -314,6 +324,12 @@ class Solid(BodyKind):
         for name, zero in zeros.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, zero)
+
+    @property
+    def turn(self) -> Floats:
+        """Rotation of its mesh file at t = 0, (dim, dim)."""
+        given = self.orientation
+        return np.eye(self.dim) if given is None else given.matrix(self.dim)
 
     @property
     def flight(self) -> Flight | None:

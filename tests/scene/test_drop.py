@@ -254,3 +254,72 @@ def test_an_ellipsoid_touches_where_it_is_nearest():
     x = np.cos(0.3) * rim[0] + np.sin(0.3) * rim[1]
     z = body.center[2] - np.sin(0.3) * rim[0] + np.cos(0.3) * rim[1]
     assert np.hypot(x - 0.05, z + 1.0).min() == pytest.approx(1.0, abs=1e-9)
+
+
+TET = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.15, 0.0], [0.0, 0.0, 0.1]])
+SQUARE = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.06], [0.0, 0.06], [0.05, 0.03]])
+FOUR = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+
+
+def mesh_file(path, points, cells):
+    """A file of Gmsh's format 2.2."""
+    nodes = [
+        " ".join([str(k), *map(repr, [*p, 0.0][:3])]) for k, p in enumerate(points.tolist(), 1)
+    ]
+    kind = {3: 2, 4: 4}[len(cells[0])]
+    rows = [f"{k} {kind} 2 0 1 {' '.join(str(n + 1) for n in c)}" for k, c in enumerate(cells, 1)]
+    parts = {"MeshFormat": ["2.2 0 8"], "Nodes": [str(len(nodes)), *nodes],
+             "Elements": [str(len(rows)), *rows]}  # fmt: skip
+    lines = [line for name, own in parts.items() for line in (f"${name}", *own, f"$End{name}")]
+    path.write_text("\n".join(lines) + "\n")
+    return str(path)
+
+
+def test_solids_from_files_turn_with_the_axes_of_their_material(tmp_path):
+    """The same as a file whose places, and axes, are turned by hand."""
+    law = {"e1": 4e6, "e2": 1e6, "e3": 1e6, "nu12": 0.2, "nu13": 0.2, "nu23": 0.3, "g12": 4e5}
+    body = {"kind": "solid", "name": "plate", "model": "plane_strain", "density": 1000.0,
+            "mesh": mesh_file(tmp_path / "a.msh", SQUARE, FOUR), "position": [0.3, 0.7],
+            "orthotropic": law, "orientation": {"angle": 0.2}}  # fmt: skip
+    found = scene(body, drop={"height": 0.05, "orientation": {"angle": 0.4}})
+    c, s = math.cos(0.6), math.sin(0.6)
+    turned = SQUARE @ np.array([[c, s], [-s, c]])
+    file = mesh_file(tmp_path / "b.msh", turned, FOUR)
+    hand = {name: body[name] for name in ("kind", "name", "model", "density")}
+    hand |= {"mesh": file, "orthotropic": law | {"angle": 0.4}}
+    hand["position"] = found.bodies[0].position
+    hand["velocity"] = [0.0, -math.sqrt(2 * G * 0.05)]
+    one, other = impactfem.solve(found).history, impactfem.solve(scene(hand)).history
+    assert one["contact_force"].values.max() > 0.0
+    for name in ("contact_force", "elastic_energy", "plate.x", "plate.vy"):
+        scale = np.abs(other[name].values).max()
+        np.testing.assert_allclose(one[name].values, other[name].values, rtol=0, atol=1e-8 * scale)
+    assert one["gap"].values[0] == pytest.approx(0.0, abs=1e-14)
+
+
+def test_solids_from_files_in_space_and_what_takes_no_turn(tmp_path):
+    """A tetrahedron that is turned upside down stands on the corner that was its highest."""
+    floor = {"kind": "half_space", "name": "floor", "point": [0.0] * 3, "normal": [0.0, 0.0, 1.0]}
+    body = {
+        "kind": "solid",
+        "name": "tet",
+        "model": "3d",
+        "density": 1000.0,
+        "youngs_modulus": 1e6,
+        "poisson_ratio": 0.3,
+        "mesh": mesh_file(tmp_path / "a.msh", TET, [[0, 1, 2, 3]]),
+    }
+    more = {"gravity": (0.0, 0.0, -G), "obstacles": (floor,)}
+    fall = {"height": 0.1, "orientation": {"axis": [1.0, 0.0, 0.0], "angle": math.pi}}
+    (placed,) = scene(body, drop=fall, **more).bodies
+    places = TET @ placed.turn.T + placed.position
+    assert places[:, 2] == pytest.approx(0.1 - TET[:, 2], abs=1e-12)
+    assert places[:, 1] == pytest.approx(0.15 - TET[:, 1], abs=1e-12)
+    assert impactfem.solve(scene(body, drop=fall, **more, duration=2e-4)).history is not None
+    with pytest.raises(SceneError, match="orientation is for mesh, and shapes have an angle"):
+        scene(DISC | {"orientation": {"angle": 0.1}})
+    with pytest.raises(SceneError, match=r"orientation.axis is missing"):
+        scene(body | {"orientation": {"angle": 0.1}}, **more)
+    stressed = DISC | {"residual_stress": ["1e3", "0", "0"]}
+    with pytest.raises(SceneError, match="disc has residual_stress, whose components do not turn"):
+        scene(stressed, drop={"height": 0.1, "orientation": {"angle": 0.1}})
