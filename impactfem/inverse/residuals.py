@@ -58,13 +58,23 @@ class Residuals:
             solver: "gauss_newton" for plain steps, halved where they make nothing less; else
                 SciPy's trust region reflective method.
         """
-        varied = self.search.varied
         if solver == "gauss_newton":
             return self._gauss_newton(tolerance, most)
-        return least_squares(
-            self.values, varied.start, self.jacobian, bounds=tuple(varied.limits),
-            x_scale=varied.scales, ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=most,
+        varied = self.search.varied
+        start, scales, (low, high) = varied.start, varied.scales, varied.limits
+
+        def values_of(sized: Floats) -> Floats:  # at the start it is the same to the bit
+            return np.clip(start + scales * (sized - start / scales), low, high)
+
+        # In sizes of the unknowns: what SciPy takes for a bound or a small step is absolute.
+        found = least_squares(
+            lambda sized: self.values(values_of(sized)), start / scales,
+            lambda sized: self.jacobian(values_of(sized)) * scales,
+            bounds=(low / scales, high / scales),
+            ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=most,
         )  # fmt: skip
+        found.x = values_of(found.x)
+        return found
 
     def _gauss_newton(self, tolerance: float, most: int) -> OptimizeResult:
         varied = self.search.varied

@@ -1,11 +1,14 @@
-"""Solids and plates by time steps whose contact nodes carry no mass: outcomes and derivatives.
+"""Bodies by time steps in which no impact jumps: outcomes, and their derivatives.
 
 Steps, meshes and contact nodes are those of the start. For given sets of gaps that press, stick and
-slip the motion of a step is smooth in what varies, the weight theta of its forces included, so that
-the derivatives of what is computed are those along these sets.
+slip the motion of a step is smooth in what varies, the weight theta of its forces included, and it
+is continuous where sets change if nodes that touch carry no mass or a stiffness in the gap gives
+way; adhesion ends by shares of a step. So the derivatives of what is computed are those along these
+sets. Impulses between nodes with mass and of joints at their limits jump from step to step: a run
+with one is refused.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -21,6 +24,7 @@ from impactfem.inverse.pulses import rise_rate
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.log import Progress
+from impactfem.result.table import Table
 from impactfem.scene import Plate, Scene, Solid
 
 if TYPE_CHECKING:
@@ -30,7 +34,7 @@ if TYPE_CHECKING:
     from impactfem.runs.solids import Ready
 
 STEPPED = ("massless", "conserving", "explicit")
-"""Methods of solids whose derivatives are right: an impact does not jump from step to step."""
+"""Methods whose derivatives are right: what touches without mass does not jump between steps."""
 
 _STEPS = (1e-5, 1e-6, 1e-7)
 """Shares of an unknown between neighbours: the longest is taken within which sets stay."""
@@ -59,7 +63,7 @@ class Marched(NamedTuple):
 
 @dataclass(frozen=True)
 class SolidRuns:
-    """Runs of solids and plates as planned: time step and meshes stay.
+    """Runs of bodies that are marched, as planned: time step and meshes stay.
 
     Attributes:
         chosen: The plan, with the time step of the start.
@@ -71,22 +75,11 @@ class SolidRuns:
 
     @classmethod
     def of(cls, chosen: "Plan[MarchNumbers]", scene: Scene) -> "SolidRuns":
-        """On the meshes of a plan.
-
-        Raises:
-            SceneError: There are bodies of other kinds.
-        """
+        """On the meshes of a plan."""
         from impactfem.models.solids import solids_model  # noqa: PLC0415  (DOLFINx)
         from impactfem.runs.marched import strained  # noqa: PLC0415
         from impactfem.runs.solids import prepare  # noqa: PLC0415
 
-        for body in scene.bodies:
-            if not isinstance(body, Solid | Plate):
-                raise SceneError(
-                    f"body {body.name}: a {body.kind} beside solids or plates, or in time steps, "
-                    "has no derivatives: its impacts jump from step to step; leave it out, or take "
-                    "solids and plates"
-                )
         numbers = replace(chosen.numbers, estimate=False)
         scene = strained(scene, chosen)
         updated = numbers.normals == "updated"
@@ -108,7 +101,7 @@ class SolidRuns:
         """March a scene with the steps and meshes of the start.
 
         Raises:
-            SceneError: Its solids have other shapes.
+            SceneError: Its solids have other shapes, or bodies with mass where they touch strike.
             ConvergenceError: A step did not settle.
         """
         ready = self.ready(scene)
@@ -126,7 +119,7 @@ class SolidRuns:
 
         own = self.model.scene
         for k, (body, other) in enumerate(zip(own.bodies, scene.bodies, strict=True)):
-            for name in _SHAPING:
+            for name in _SHAPING if isinstance(body, Solid | Plate) else ():
                 if getattr(body, name, None) != getattr(other, name, None):
                     raise SceneError(
                         f"body[{k}].{name}: gradients keep the meshes of the start; vary the place "
@@ -153,6 +146,7 @@ class SolidRuns:
         if not motion.is_finite or len(motion.history["time"].values) <= seen.march.layers:
             raise ConvergenceError("the motion is no longer finite; take smaller steps or loads")
         history, whole = motion.history, seen.whole
+        _check_jumps(ready, history)
         levels = np.asarray(history["time"].values)
         march, iterated = seen.march, isinstance(seen.march, NewtonMarch)
         pairs = {
@@ -232,6 +226,46 @@ class SolidRuns:
             return numbers, adjoints.jacobian(), kept.trail.weak
         finally:
             ready.destroy()
+
+
+def _check_jumps(ready: "Ready", history: Table) -> None:
+    """Refuse impulses between nodes with mass, and those of joints at their limits.
+
+    Raises:
+        SceneError: There are some.
+    """
+    jumps = "jumps from step to step as a parameter changes: steps have no right derivative"
+    for name, column in history.items():
+        kind, _, pair = name.partition(".")
+        if kind == "impulse" and np.any(column.values):
+            raise SceneError(
+                f"contact {pair}: both have mass where they touch, and an impact {jumps}; give its "
+                "[[contact]] a stiffness, in whose force it takes some 20 steps"
+            )
+    for joint, (low, high) in _limits(ready):
+        places, rates = history.get(f"{joint}.q"), history.get(f"{joint}.v")
+        if places is None or rates is None:
+            continue
+        step = float(np.abs(rates.values).max()) * ready.seen.march.interior.dt
+        if min(places.values.min() - low, high - places.values.max()) <= step:
+            raise SceneError(
+                f"joint {joint} comes to its limits, {low:.6g} to {high:.6g}, where it {jumps}; "
+                "widen them, or stop it by a motor that pushes back"
+            )
+
+
+def _limits(ready: "Ready") -> Iterator[tuple[str, tuple[float, float]]]:
+    """Joints with limits, and these."""
+    from impactfem.system.mechanism import Arm  # noqa: PLC0415  (loads SciPy)
+
+    for joint in ready.scene.joints:
+        if joint.limits is not None:
+            yield joint.name, (joint.limits[0], joint.limits[1])
+    for bodies in ready.seen.model.few:
+        if isinstance(bodies, Arm):
+            for name, at in bodies.tree.single.items():
+                ends = float(bodies.joints.lower[at]), float(bodies.joints.upper[at])
+                yield f"{bodies.names[0]}.{name}", ends
 
 
 def _plain(scene: Scene) -> Scene:

@@ -96,7 +96,8 @@ def tree_model(scene: Scene) -> TreeModel:
         raise SceneError(
             f"contact {strange[0]}: has no right gradient (known are corners and balls on half-"
             "spaces and balls on balls, by restitution, in the plane with friction): say in "
-            "[[contact]] what may meet, and leave this one out if it does not"
+            "[[contact]] what may meet, and leave this one out if it does not; or give contacts a "
+            "stiffness, of which time steps have derivatives"
         )
     return _model(scene, known, gaps)
 

@@ -107,8 +107,8 @@ _STIFFENS = re.compile(
 
 def _runs(chosen: Plan[Any], scene: Scene) -> Callable[[Plan[Any], Scene], Any] | None:
     """What makes the runs with derivatives of a plan; None if it has none that are right."""
-    if is_tree(scene):
-        return TreeRuns.of if chosen.method == "event_driven" else None
+    if is_tree(scene) and chosen.method == "event_driven":
+        return TreeRuns.of
     if scene.solver == "march":
         return SolidRuns.of if chosen.method in STEPPED else None
     return RUNS.get(chosen.method)
@@ -117,10 +117,8 @@ def _runs(chosen: Plan[Any], scene: Scene) -> Callable[[Plan[Any], Scene], Any] 
 def _known(scene: Scene) -> list[str]:
     """Methods with derivatives that know the bodies of a scene."""
     if scene.solver == "march":
-        if scene.solids:
-            return list(STEPPED)
-        plates = "plate" in scene.kinds
-        return [name for name in STEPPED if plates and METHODS[name].stable == "always"]
+        stable = [name for name in STEPPED if METHODS[name].stable == "always"]
+        return list(STEPPED) if scene.solids else stable
     return [name for name in RUNS if METHODS[name].bodies & scene.kinds]
 
 
@@ -131,7 +129,8 @@ def _planned(scene: Scene) -> Plan[Any]:
         SceneError: There is none.
     """
     chosen, known = plan(scene), _known(scene)
-    if is_tree(scene) and scene.solve.method is None:  # runs take steps, which have no slopes
+    if is_tree(scene) and scene.solve.method is None and not scene.gives_way:
+        # Runs take steps, whose impacts have no slopes.
         return replace(chosen, method="event_driven")
     uniform = all(bar.has_two_waves for bar in scene.bars) and not scene.gives_way
     fitting = [name for name in known if METHODS[name].exact and uniform] or known

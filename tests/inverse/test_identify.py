@@ -214,3 +214,14 @@ def test_misfits_of_forces_have_a_note(tmp_path, of):
         assert not found.trusted
         assert any("impulse.PAIR" in note for note in found.notes)
         assert "impulse.PAIR" in identified_table(found)
+
+
+def test_what_is_small_in_its_unit_is_not_held_at_a_bound(tmp_path):
+    write(tmp_path, 0.01, 5)
+    data = scene(tmp_path, sigma=0.01).to_dict()
+    data["body"][0]["force"] = ["0", "-1e12*g"]
+    data["parameter"][0] |= {"start": 9.5e-12, "bounds": [5e-12, 15e-12]}
+    found = impactfem.identify(Scene.from_dict(data, base=tmp_path))
+    assert found.trusted, found.doubts
+    low, high = found.parameters["g"].interval95
+    assert low < 1e-12 * TRUE["g"] < high
