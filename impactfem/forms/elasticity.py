@@ -77,12 +77,12 @@ class ElasticForms:
     def mass(self) -> Any:
         """Bilinear form of the consistent mass."""
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
-        return self.density * self.weight * ufl.inner(u, v) * self._dx(self._mass_degree)
+        return self.density * self.weight * ufl.inner(u, v) * self._dx(self.mass_degree)
 
     def nodal_mass(self, direction: Any) -> Any:
         """Linear form rho direction . v: row sums of the mass, and gravity per unit of it."""
         v = ufl.TestFunction(self.space)
-        return self.density * self.weight * ufl.dot(direction, v) * self._dx(self._mass_degree)
+        return self.density * self.weight * ufl.dot(direction, v) * self._dx(self.mass_degree)
 
     @property
     def stiffness(self) -> Any:
@@ -159,7 +159,7 @@ class ElasticForms:
             facets: Tags, or pairs of a number and cells beside their places of facets.
             number: Of the facets that are meant.
         """
-        degree = self._mass_degree + self._order
+        degree = self.mass_degree + self._order
         metadata = {"quadrature_degree": degree}
         return ufl.Measure("ds", self.space.mesh, subdomain_data=facets, metadata=metadata)(number)
 
@@ -169,7 +169,7 @@ class ElasticForms:
         Args:
             cells: Space of functions that are constant on each cell.
         """
-        return self.weight * ufl.TestFunction(cells) * self._dx(self._mass_degree)
+        return self.weight * ufl.TestFunction(cells) * self._dx(self.mass_degree)
 
     def fields(self, displacement: Any, terms: Iterable[tuple[Any, Any]] = ()) -> Mapping[str, Any]:
         """What can be shown of a state, scalars or 3 x 3 tensors: von Mises stress [Pa].
@@ -254,7 +254,7 @@ class ElasticForms:
         return 2 * self._order + 1
 
     @property
-    def _mass_degree(self) -> int:
+    def mass_degree(self) -> int:
         """Quadrature degree of the mass: exact volumes, also of curved elements."""
         order = self._order
         curved = self.space.mesh.geometry.dim * (order - 1) if self.simplex else 1

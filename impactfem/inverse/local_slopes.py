@@ -140,7 +140,8 @@ def _groups(scene: Scene, arrays: Sequence[Local]) -> Iterator[_Group]:
     for control in scene.controls:
         begin, end = _pieces(control, scene.duration)
         spans = [each.spans[control.along] for each in arrays if control.along in each.spans]
-        reach = max(float(np.max(high - low, initial=0.0)) for low, high in spans)
+        each = (float(np.max(high - low, initial=0.0)) for low, high in spans)
+        reach = max(each, default=0.0)
         shortest = float(np.diff(control.times(scene.duration)).min())
         apart = int(np.ceil((reach + float((end - begin).max())) / shortest))
         for offset in range(min(apart, control.count)):

@@ -17,7 +17,8 @@ from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.inverse.contact_spells import Pair
 from impactfem.inverse.quantities import Quantities
-from impactfem.inverse.solid_adjoints import Adjoints, Kept, Numbers, Part, Start
+from impactfem.inverse.solid_adjoints import Adjoints, Start
+from impactfem.inverse.solid_readings import Kept, Numbers, Part
 from impactfem.inverse.steps import Changes
 from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.reversed_march import Reading
@@ -142,7 +143,7 @@ class PlateNumbers(Numbers):
 
     @override
     def _energy(self, kind: str, level: int, weight: float) -> None:
-        pulled, momentum = self._energies_by(*self._kept.states[level])
+        pulled, momentum = self._energies_by(*self._kept.state(level))
         none = np.zeros_like(pulled)
         each = (none, momentum) if kind == "kinetic" else (pulled, none)
         self._nodes(*each, level, weight)

@@ -178,8 +178,8 @@ class SolidRuns:
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
         """Numbers of a run and their derivatives, along the sets of its steps.
 
-        By the steps backwards where numbers are few; of unknowns that change stiffness or mass, and
-        where steps are not known backwards, by runs beside it.
+        By the steps backwards where numbers are few, whatever varies of loads, starts, places and
+        materials; of other unknowns, and where steps are not known backwards, by runs beside it.
         """
         beside = _Beside(self, changes, quantities)
         if quantities.count > _MANY * len(changes.values):
@@ -205,8 +205,13 @@ class SolidRuns:
 
         And whether sets are those of one side.
         """
-        from impactfem.inverse.solid_adjoints import Adjoints, Kept, reversible  # noqa: PLC0415
-        from impactfem.marching.reversed_march import Trail  # noqa: PLC0415  (DOLFINx)
+        from impactfem.inverse.solid_adjoints import (  # noqa: PLC0415
+            Adjoints,
+            reversible,
+            varies_materials,
+        )
+        from impactfem.inverse.solid_readings import Kept  # noqa: PLC0415
+        from impactfem.marching.reversed_march import States, Trail  # noqa: PLC0415  (DOLFINx)
 
         scene, kinds = changes.scene, (Kept, Adjoints)
         if not scene.solids:
@@ -218,7 +223,9 @@ class SolidRuns:
             if not reversible(ready):
                 return np.zeros(0), None, False
             march = cast("SolidMarch", ready.seen.march)
-            kept = kinds[0](Trail.of(march), quantities.times)
+            whole = varies_materials(changes)
+            whole = whole and States.fit(march.layers + 1, len(march.interior.velocity))
+            kept = kinds[0](Trail.of(march, whole=whole), quantities.times)
             ready.seen.march.run([*ready.seen.observers(), kept])
             outcome, pairs = self.told(scene, ready, quantities.times)
             numbers = quantities.read(outcome, scene)

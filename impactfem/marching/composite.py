@@ -333,10 +333,19 @@ class Composite(Bodies[Interior]):
         """How many owned dofs `backward` takes, of all bodies."""
         return sum(part.dofs for part in cast("Sequence[Reversible]", self.parts))
 
-    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:
+    def backward(
+        self, place: Floats, rate: Floats, contact: Floats, *, first: bool,
+        parts: Floats | None = None,
+    ) -> Backward:  # fmt: skip
         """Derivatives by what a layer begins with, of all bodies; see `Reversible`."""
         each = [
-            part.backward(place[own], rate[own], contact[self.own(k)], first=first)
+            part.backward(
+                place[own],
+                rate[own],
+                contact[self.own(k)],
+                first=first,
+                parts=None if parts is None else parts[self._asked[k]],
+            )
             for k, (part, own) in enumerate(self._reversible())
         ]
         forces = np.concatenate([found.forces for found in each])

@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.pair_responses import Roots
 from impactfem.contact.responses import Columns
 from impactfem.contact.rooted import Matrix
+
+if TYPE_CHECKING:
+    from impactfem.system.material_slopes import MaterialSlopes
 
 
 @dataclass
@@ -49,6 +52,25 @@ class Backward(NamedTuple):
     rate: Floats
     forces: Floats
     loads: Floats
+
+
+class Ends(NamedTuple):
+    """What a layer began and ended with, as observers saw it, and what acted in it.
+
+    Attributes:
+        place, velocity: At its start [m, m/s], (dofs,) each.
+        end_place, end_velocity: At its end, (dofs,) each.
+        forces: Contact forces of the layer [N], (count, dim).
+        start, end: Its times [s].
+    """
+
+    place: Floats
+    velocity: Floats
+    end_place: Floats
+    end_velocity: Floats
+    forces: Floats
+    start: float
+    end: float
 
 
 class SumsTable(Sequence[Sums]):
@@ -239,7 +261,10 @@ class Reversible(Protocol):
     def dofs(self) -> int:
         """How many owned dofs it takes."""
 
-    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:
+    def backward(
+        self, place: Floats, rate: Floats, contact: Floats, *, first: bool,
+        parts: Floats | None = None,
+    ) -> Backward:  # fmt: skip
         """Derivatives by what a layer begins with.
 
         Args:
@@ -247,10 +272,30 @@ class Reversible(Protocol):
             rate: By velocities there, of explicit layers by its step, (dofs,).
             contact: By `surface_displacement` there, (count, dim).
             first: Whether it is the layer from t = 0.
+            parts: Where nothing else is given, the contact nodes' as a sum of forces that
+                `columns` was asked for, (asked,).
         """
 
     def settled(self, contact: Floats) -> Floats:
         """Derivatives by displacements (dofs,) of those by contact nodes in equilibrium."""
+
+    def on_contact(self, values: Floats) -> Floats:
+        """Values of the contact nodes (count, dim) on the owned dofs, 0 where held, (dofs,)."""
+
+    def vary(self, into: "MaterialSlopes", loads: Floats, ends: Ends) -> None:
+        """Add derivatives by the material that a layer makes.
+
+        Args:
+            into: The sums of the body.
+            loads: Derivatives by forces that act in the layer, (dofs,).
+            ends: Of the layer.
+        """
+
+    def vary_product(self, into: "MaterialSlopes", one: Floats, other: Floats) -> None:
+        """Add those of one . M other with the mass of momenta, (dofs,) each."""
+
+    def vary_weight(self, into: "MaterialSlopes", values: Floats) -> None:
+        """Add those of the sum of values (dofs,) by the mass of first moments."""
 
     def sums_by(self) -> tuple[Floats, Floats]:
         """Mass times displacement by displacements, momentum by rates, (dim, dofs) each."""

@@ -7,20 +7,23 @@ v M v / 2 + u_m K u_{m+1} / 2 with v = s_m / dt, which is positive while dt omeg
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
 from impactfem.compiled import compiled
-from impactfem.marching.layers import Backward, Sums
+from impactfem.marching.layers import Backward, Ends, Sums
 from impactfem.marching.turning import Turning
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
-from impactfem.system.massless import lumped_mass
+from impactfem.system.massless import averaged, lumped_mass
 from impactfem.system.matrices import to_blocked
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
+
+if TYPE_CHECKING:
+    from impactfem.system.material_slopes import MaterialSlopes
 
 _WHOLE_COLUMNS = 64  # sums of more columns cost more than two solves with the surface's stiffness
 
@@ -95,7 +98,7 @@ class Leapfrog:
         self.whole_columns: int | None = None if statics is None else _WHOLE_COLUMNS
         self._system, self._surface, self._statics = system, surface, statics
         self.massive = self.radiating = self.volatile = np.zeros(surface.count, dtype=bool)
-        self._drive = Drive(system, transfer)
+        self._transfer, self._drive = transfer, Drive(system, transfer)
         self._matrix = to_blocked(system.stiffness)  # its products are faster
         self._now, self._internal = self._matrix.createVecs()
         self._strained: Floats = self._now.getArray()
@@ -299,7 +302,10 @@ class Leapfrog:
         """How many owned dofs `backward` takes."""
         return len(self.velocity)
 
-    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:
+    def backward(
+        self, place: Floats, rate: Floats, contact: Floats, *, first: bool,
+        parts: Floats | None = None,  # noqa: ARG002  (no solve to spare)
+    ) -> Backward:  # fmt: skip
         """Derivatives by what a layer begins with; see `Reversible`."""
         moving = self._inverse > 0.0
         moved = np.where(moving, place + self.settled(contact), 0.0)
@@ -332,6 +338,36 @@ class Leapfrog:
         """Elastic energy by displacements, without that of contact, kinetic by velocities."""
         moving = np.where(self._inverse > 0.0, self._mass, 0.0)
         return self._pulled(placed), moving * velocity
+
+    def on_contact(self, values: Floats) -> Floats:
+        """Values of the contact nodes on the owned dofs; see `Reversible`."""
+        return self._surface.pulled(values, self._system.constrained)
+
+    def vary(self, into: "MaterialSlopes", loads: Floats, ends: Ends) -> None:
+        """Add derivatives by the material that a layer makes; see `Reversible`."""
+        first = ends.start == 0.0
+        keep, gain = (1.0, 0.5 * self._gain) if first else (self._keep, self._gain)
+        before, after = self.dt * ends.velocity, self.dt * ends.end_velocity
+        strained = ends.place if first else ends.place + self._lag * before
+        dim = self._system.dim
+        strained = (strained.reshape(-1, dim) - self._system.carried(strained)).ravel()
+        reached = loads.copy()
+        if self._statics is not None:
+            self._surface.spread(self._statics.equilibrium(strained, ends.forces), strained)
+            self._surface.spread(self._statics.equilibrium(loads), reached)
+        into.stiff(-reached, strained)
+        change = ((after - keep * before) / gain).reshape(-1, dim)
+        change -= self.gravity(ends.start, ends.end)
+        self.vary_weight(into, -loads * change.ravel())
+
+    def vary_product(self, into: "MaterialSlopes", one: Floats, other: Floats) -> None:
+        """Add those of one . M other; see `Reversible`."""
+        self.vary_weight(into, one * other)
+
+    def vary_weight(self, into: "MaterialSlopes", values: Floats) -> None:
+        """Add those of sums by mass; see `Reversible`."""
+        moving = np.where(self._inverse > 0.0, values, 0.0)
+        into.weigh(averaged(self._transfer, moving))
 
     @property
     def lag(self) -> float:

@@ -20,21 +20,24 @@ Massless contact nodes have zero rows in M: there w is in equilibrium.
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
 from impactfem.fem import MPI, products_in_order
-from impactfem.marching.layers import Backward, Sums
+from impactfem.marching.layers import Backward, Ends, Sums
 from impactfem.marching.turning import Turning
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
-from impactfem.system.massless import transferred
+from impactfem.system.massless import averaged, transferred
 from impactfem.system.relaxation import named
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
+
+if TYPE_CHECKING:
+    from impactfem.system.material_slopes import MaterialSlopes
 
 _COLUMN_BYTES = 2**28  # kept answers to unit forces; beyond this a layer solves once more
 
@@ -333,15 +336,24 @@ class Midpoint:
         """How many owned dofs `backward` takes."""
         return len(self.velocity)
 
-    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:  # noqa: ARG002  (as the interface has it)
+    def backward(
+        self, place: Floats, rate: Floats, contact: Floats, *, first: bool,  # noqa: ARG002  (as the interface has it)
+        parts: Floats | None = None,
+    ) -> Backward:  # fmt: skip
         """Derivatives by what a layer begins with; see `Reversible`."""
         turned = np.where(self._still, 0.0, rate)
         moved = place + (2.0 / self.dt) * turned + self.settled(contact)
         moved[self._still] = 0.0
-        self._right.setArray(self._advance * moved)
-        self._middle.set(0.0)
-        self._solver.solve(self._right, self._middle)
-        loads = np.where(self._system.constrained, 0.0, self._middle.getArray())
+        if parts is not None and self._gather_columns and self._statics is not None:
+            # Forces on massless nodes do inside what the loads do that balance them there.
+            middle = parts @ self._columns
+            self._surface.spread(self._statics.equilibrium(middle), middle)
+        else:
+            self._right.setArray(self._advance * moved)
+            self._middle.set(0.0)
+            self._solver.solve(self._right, self._middle)
+            middle = self._middle.getArray()
+        loads = np.where(self._system.constrained, 0.0, middle)
         through = self._times_mass(loads)
         begun = (1.0 - self._advance) * moved + self._mu * through - (2.0 / self.dt) * turned
         return Backward(
@@ -356,6 +368,33 @@ class Midpoint:
         else:
             found[self._statics.near] = -self._statics.pushed(self._statics.response(contact))
         return found
+
+    def on_contact(self, values: Floats) -> Floats:
+        """Values of the contact nodes on the owned dofs; see `Reversible`."""
+        return self._surface.pulled(values, self._system.constrained)
+
+    def vary(self, into: "MaterialSlopes", loads: Floats, ends: Ends) -> None:
+        """Add derivatives by the material that a layer makes; see `Reversible`."""
+        middle = ends.place + (ends.end_place - ends.place) / self._advance
+        if self._statics is not None:
+            self._surface.spread(self._statics.equilibrium(middle, ends.forces), middle)
+        dim = self._system.dim
+        strained = (middle.reshape(-1, dim) - self._system.carried(middle)).ravel()
+        into.stiff(-loads, strained)
+        motion = self._mu * (ends.place - middle) + (2.0 / self.dt) * ends.velocity
+        self.vary_product(into, loads, motion)
+        gravity = self.gravity(ends.start, ends.end)
+        self.vary_weight(into, (loads.reshape(-1, dim) * gravity).ravel())
+
+    def vary_product(self, into: "MaterialSlopes", one: Floats, other: Floats) -> None:
+        """Add those of one . M other; see `Reversible`."""
+        # Neighbours move what is massless; what is held has no rows in M.
+        held, transfer = self._system.constrained, self._transfer
+        into.heavy(*(np.where(held, 0.0, averaged(transfer, each)) for each in (one, other)))
+
+    def vary_weight(self, into: "MaterialSlopes", values: Floats) -> None:
+        """Add those of sums by mass; see `Reversible`."""
+        into.weigh(averaged(self._transfer, np.where(self._system.constrained, 0.0, values)))
 
     def sums_by(self) -> tuple[Floats, Floats]:
         """Mass times displacement and momentum; see `Reversible`."""

@@ -420,7 +420,10 @@ class PlateMidpoint(ShownPlate):
         """How many coordinates `backward` takes."""
         return len(self._q)
 
-    def backward(self, place: Floats, rate: Floats, contact: Floats, *, first: bool) -> Backward:  # noqa: ARG002  (as the interface has it)
+    def backward(
+        self, place: Floats, rate: Floats, contact: Floats, *, first: bool,  # noqa: ARG002  (as the interface has it)
+        parts: Floats | None = None,  # noqa: ARG002  (likewise)
+    ) -> Backward:  # fmt: skip
         """Derivatives by what a layer begins with; see `Reversible`.
 
         Coordinates are those without contact forces on what has no mass, which follows all else.

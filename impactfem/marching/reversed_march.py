@@ -9,24 +9,76 @@ of (`impactfem.contact.layer_law`)
 delta = lambda_b - lambda_a. These are as many equations as unknowns lambda_b and theta, J their
 matrix: of a number with derivatives b by both, J^T (eta, zeta) = b are those by the equations, from
 which its derivatives by gap_a, lambda_a and g follow.
+
+A material that varies changes what K and M are multiplied with: the forces of a layer by dM a and
+-dK u, whose derivatives are those by loads, and the equilibrium of massless nodes,
+K_c du_c = -(dK u)_c, with u true; of N above it changes D.
 """
 
-from collections.abc import Callable
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, cast
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.layer_law import uncoupled
+from impactfem.marching.layers import Ends
 from impactfem.marching.rows import Level
 from impactfem.marching.solids import SolidMarch
 
 if TYPE_CHECKING:
     from impactfem.marching.layers import Reversible
+    from impactfem.system.material_slopes import MaterialSlopes
 
 _WEAK = 1e-9  # share of the largest force, or gap, that is none
 _HALF = 1e-9  # within which theta is 1/2, as where the same gaps press at both ends
+_IN_MEMORY = 2**28  # bytes of states; what is more goes to a file
+
+
+class States:
+    """Displacements and velocities of all levels, in memory or in a file.
+
+    Args:
+        levels: How many.
+        size: Of each vector.
+    """
+
+    def __init__(self, levels: int, size: int) -> None:
+        """Foresee their room."""
+        self._size, self._file = size, None
+        room = 16 * levels * size
+        if room > _IN_MEMORY:
+            self._file = tempfile.TemporaryFile()  # noqa: SIM115  (closed with its last reference)
+        else:
+            self._rows = np.empty((levels, 2, size))
+
+    @staticmethod
+    def fit(levels: int, size: int) -> bool:
+        """Whether there is room for them."""
+        room = 16 * levels * size
+        return room <= _IN_MEMORY or room < shutil.disk_usage(tempfile.gettempdir()).free
+
+    def put(self, level: int, place: Floats, velocity: Floats) -> None:
+        """Keep a level."""
+        if self._file is None:
+            self._rows[level] = place, velocity
+            return
+        self._file.seek(16 * level * self._size)
+        self._file.write(np.concatenate([place, velocity]).tobytes())
+
+    def at(self, level: int) -> tuple[Floats, Floats]:
+        """Those of a level, (size,) each."""
+        if self._file is None:
+            place, velocity = self._rows[level]
+        else:
+            self._file.seek(16 * level * self._size)
+            both = np.frombuffer(self._file.read(16 * self._size))
+            place, velocity = both[: self._size], both[self._size :]
+        return place, velocity
 
 
 @dataclass
@@ -38,24 +90,41 @@ class Trail:
         force: In the layer before each level [N], (levels, gaps).
         multiplier: At each level [N], (levels, gaps).
         gap: True gaps there [m], (levels, gaps).
+        states: Of all levels, where the material varies.
     """
 
     march: SolidMarch
     force: Floats
     multiplier: Floats
     gap: Floats
+    states: States | None = None
 
     @classmethod
-    def of(cls, march: SolidMarch) -> "Trail":
-        """An empty one."""
-        shape = march.layers + 1, len(march.contact.gap)
-        return cls(march, *(np.zeros(shape) for _ in range(3)))
+    def of(cls, march: SolidMarch, *, whole: bool = False) -> "Trail":
+        """An empty one.
+
+        Args:
+            march: The march.
+            whole: Whether states are kept, as the material varies.
+        """
+        levels = march.layers + 1
+        states = States(levels, len(march.interior.velocity)) if whole else None
+        force, multiplier, gap = np.zeros((3, levels, len(march.contact.gap)))
+        return cls(march, force, multiplier, gap, states)
 
     def __call__(self, level: Level) -> None:
         """Keep a level."""
         state = self.march.contact
         self.force[level.layer] = level.force
         self.multiplier[level.layer], self.gap[level.layer] = state.multiplier, state.gap
+        if self.states is not None:
+            self.states.put(level.layer, level.displacement, level.velocity)
+
+    def state(self, level: int) -> tuple[Floats, Floats]:
+        """Displacements and velocities of a level, if all are kept."""
+        if self.states is None:
+            raise ValueError("no states are kept")
+        return self.states.at(level)
 
     @property
     def weak(self) -> bool:
@@ -73,6 +142,7 @@ class Reading:
     Attributes:
         place, rate: As of `Backward`, (dofs,).
         contact: By the places of contact nodes without what presses them, (count, dim).
+        static: By what presses them out of these, (count, dim).
         multiplier, gap: By these, (gaps,).
         force: By the force of the layer before, (gaps,).
     """
@@ -80,9 +150,18 @@ class Reading:
     place: Floats
     rate: Floats
     contact: Floats
+    static: Floats
     multiplier: Floats
     gap: Floats
     force: Floats
+
+    @classmethod
+    def at(
+        cls, place: Floats, rate: Floats, nodes: tuple[int, ...], multiplier: Floats, gap: Floats
+    ) -> "Reading":
+        """Of what later levels have told, and of contact nodes (count, dim) nothing yet."""
+        contact, static = np.zeros((2, *nodes))
+        return cls(place, rate, contact, static, multiplier, gap, np.zeros(len(gap)))
 
 
 class Given(NamedTuple):
@@ -113,12 +192,16 @@ class ReversedMarch:
         self._interior, self._normals = cast("Reversible", march.interior), march.normals
         self._static = march.interior.static
 
-    def given(self, last: int, read: Callable[[int, Reading], None]) -> Given:
+    def given(
+        self, last: int, read: Callable[[int, Reading], None],
+        into: "Sequence[MaterialSlopes] | None" = None,
+    ) -> Given:  # fmt: skip
         """Derivatives of a number.
 
         Args:
             last: Level after which nothing counts.
             read: Adds what the number reads at a level.
+            into: Of each body, to which those by its material are added; None: it stays.
         """
         trail, interior = self._trail, self._interior
         size, count = interior.dofs, trail.gap.shape[1]
@@ -128,28 +211,85 @@ class ReversedMarch:
         loads, skips = np.zeros((self._march.layers, size)), self._march.skips
         for layer in range(last - 1, -1, -1):
             level, begin = layer + 1, max(layer - 1, 0) if skips else layer
-            found = Reading(
-                place, rate, np.zeros(nodes), multipliers[level], gaps[level], np.zeros(count)
-            )
+            found = Reading.at(place, rate, nodes, multipliers[level], gaps[level])
             read(level, found)
             contact = found.contact + self._on_nodes(found.gap)
             back = interior.backward(place, rate, contact, first=layer == 0)
             if trail.multiplier[[begin, level]].any():
                 acting = found.force + self._along(back.forces)
-                shut, older, gap = self._contact(layer, begin, acting, found)
+                shut, older, gap = self._contact(layer, begin, acting, found, into)
+                rows = np.flatnonzero(shut)
+                parts = self._march.answers.parts(rows, shut[rows, None] * self._normals[rows])
                 more = interior.backward(
-                    np.zeros(size), np.zeros(size), self._on_nodes(shut), first=layer == 0
+                    np.zeros(size),
+                    np.zeros(size),
+                    self._on_nodes(shut),
+                    first=layer == 0,
+                    parts=parts,
                 )
                 back = type(back)(*(one + two for one, two in zip(back, more, strict=True)))
                 acting = found.force + self._along(back.forces)
                 multipliers[begin] += older(acting)
                 gaps[begin] += gap
                 gaps[level] += shut
+            if into is not None:
+                self._vary(into, layer, back.loads, found)
             place, rate, loads[layer] = back.place, back.rate, back.loads
-        found = Reading(place, rate, np.zeros(nodes), multipliers[0], gaps[0], np.zeros(count))
+        found = Reading.at(place, rate, nodes, multipliers[0], gaps[0])
         read(0, found)
+        if into is not None:
+            self._settle(into, 0, found)
         place = place + interior.settled(found.contact + self._on_nodes(gaps[0]))
         return Given(place, rate, loads, gaps)
+
+    def _parts(self) -> Iterator[tuple[Any, slice, slice]]:
+        """The interior of each body, its dofs and its contact nodes."""
+        whole: Any = self._march.interior
+        parts = getattr(whole, "parts", None)
+        if parts is None:
+            yield whole, slice(None), slice(None)
+            return
+        cuts = np.cumsum([0, *(len(part.velocity) for part in parts)]).tolist()
+        for k, (part, ends) in enumerate(zip(parts, pairwise(cuts), strict=True)):
+            yield part, slice(*ends), whole.own(k)
+
+    def _vary(
+        self, into: "Sequence[MaterialSlopes]", layer: int, loads: Floats, found: Reading
+    ) -> None:
+        """Add derivatives by the material that a layer and its end make."""
+        before, after = (self._trail.state(each) for each in (layer, layer + 1))
+        dt = self._march.interior.dt
+        forces = self._on_nodes(self._trail.force[layer + 1])
+        for to, (part, own, nodes) in zip(into, self._parts(), strict=True):
+            ends = Ends(
+                before[0][own], before[1][own], after[0][own], after[1][own], forces[nodes],
+                layer * dt, (layer + 1) * dt,
+            )  # fmt: skip
+            part.vary(to, loads[own], ends)
+        self._settle(into, layer + 1, found)
+
+    def _settle(self, into: "Sequence[MaterialSlopes]", level: int, found: Reading) -> None:
+        """Add those that the equilibrium of massless nodes at a level makes."""
+        by_gap = self._on_nodes(found.gap)
+        free, pressed = found.contact + by_gap, found.static + by_gap
+        if free.any():
+            static = self._pressed(self._trail.multiplier[level])
+            self._still(into, -self._static(free), self._trail.state(level)[0], -static)
+        if pressed.any() and self._trail.multiplier[level].any():
+            static = self._pressed(self._trail.multiplier[level])
+            self._still(into, -self._static(pressed), None, static)
+
+    def _pressed(self, multiplier: Floats) -> Floats:
+        """What multipliers (gaps,) press contact nodes by [m], (count, dim)."""
+        return self._static(self._on_nodes(multiplier))
+
+    def _still(
+        self, into: "Sequence[MaterialSlopes]", one: Floats, place: Floats | None, other: Floats
+    ) -> None:
+        """Add those of one . K other, of contact nodes (count, dim), but for a place (dofs,)."""
+        for to, (part, own, nodes) in zip(into, self._parts(), strict=True):
+            first, second = part.on_contact(one[nodes]), part.on_contact(other[nodes])
+            to.stiff(first, second if place is None else second + place[own])
 
     def _on_nodes(self, forces: Floats) -> Floats:
         """Along the normals of gaps (gaps,), on the contact nodes (count, dim)."""
@@ -161,8 +301,9 @@ class ReversedMarch:
         return found
 
     def _contact(
-        self, layer: int, begin: int, acting: Floats, found: Reading
-    ) -> tuple[Floats, Callable[[Floats], Floats], Floats]:
+        self, layer: int, begin: int, acting: Floats, found: Reading,
+        into: "Sequence[MaterialSlopes] | None",
+    ) -> tuple[Floats, Callable[[Floats], Floats], Floats]:  # fmt: skip
         """What the law of a layer does backwards.
 
         Args:
@@ -170,6 +311,7 @@ class ReversedMarch:
             begin: Level with which its end is paired.
             acting: Derivatives by its forces, (gaps,).
             found: By its end.
+            into: See `given`.
 
         Returns:
             What the law adds to derivatives by the gaps of its end, (gaps,); how those by the
@@ -179,7 +321,7 @@ class ReversedMarch:
         count = len(acting)
         shut, of_gap, keeps, direct = np.zeros((4, count))
         old, new = trail.multiplier[begin], trail.multiplier[level]
-        pressed = self._along(self._static(self._on_nodes(found.gap)))
+        pressed = self._along(self._static(self._on_nodes(found.gap) + found.static))
         rows = np.flatnonzero((old > 0.0) | (new > 0.0))
         response, static = self._march.answers.matrices(rows, self._normals[rows])
         response = response * (0.5 if self._march.skips and layer == 0 else 1.0)
@@ -196,6 +338,11 @@ class ReversedMarch:
             shut[at], of_gap[at] = closed - zeta * (1.0 - theta) * law.old, zeta * theta * law.new
             keeps[at] = 1.0 - theta
             direct[at] = -zeta * ((1.0 - theta) * law.gap + (2.0 * theta - 1.0) * law.strained)
+            if into is not None and zeta * (theta - 0.5) != 0.0:
+                change = np.zeros(count)
+                change[at] = law.change
+                moved = self._pressed(change)
+                self._still(into, -zeta * (theta - 0.5) * moved, None, moved)
         return shut, lambda by_force: keeps * by_force + direct, of_gap
 
 

@@ -50,7 +50,7 @@ class Control:
         name="kind", default=COURSES[0],
     )  # fmt: skip
     along: str = key(
-        Choice(("t", "x")), "whether its pieces follow each other in time, or along a bar",
+        Choice(("t", "x")), "whether its pieces follow each other in time, or along x of a body",
         default="t",
     )  # fmt: skip
     pieces: int = key(

@@ -146,6 +146,19 @@ def _shares(weights: dict[int, float]) -> dict[int, float]:
     return {node: weight / total for node, weight in weights.items()}
 
 
+def averaged(transfer: Any, values: Floats) -> Floats:
+    """P v of owned values: massless nodes have the means of their neighbours, held dofs 0."""
+    if transfer is None:
+        return values.copy()
+    given, moved = transfer.createVecs()
+    given.setArray(values)
+    transfer.mult(given, moved)
+    found = np.array(moved.getArray())
+    given.destroy()
+    moved.destroy()
+    return found
+
+
 def transferred(transfer: Any, values: Floats) -> Floats:
     """P^T f of owned values: what belongs to massless nodes goes to their neighbours."""
     if transfer is None:

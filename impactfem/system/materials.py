@@ -156,6 +156,13 @@ def _pressing(made: CellMaterials, model: str) -> Floats:
     return made.lame + 2.0 * made.shear
 
 
+def first_lame(material: CellMaterials, model: str) -> Floats:
+    """Lambda [Pa] that the forms of a model have: of plane stress the reduced one."""
+    nu = material.ratio
+    # 2 lambda mu / (lambda + 2 mu) = 2 mu nu / (1 - nu) without the cancellation near nu = 1/2.
+    return 2.0 * material.shear * nu / (1.0 - nu) if model == "plane_stress" else material.lame
+
+
 class _Means:
     """Means of formulas in cells."""
 

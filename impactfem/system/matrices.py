@@ -13,7 +13,7 @@ from impactfem.forms.elasticity import ElasticForms
 from impactfem.scene.orthotropic import seen_by
 from impactfem.scene.solids import RESIDUAL
 from impactfem.system.loads import FormulaValues
-from impactfem.system.materials import constants_of, materials_of
+from impactfem.system.materials import constants_of, first_lame, materials_of
 from impactfem.system.nodes import Nodes
 from impactfem.system.supports import Supports
 
@@ -59,9 +59,7 @@ def body_forms(nodes: Nodes, solid: Any, share: Floats | None = None) -> Elastic
     material, made = materials_of(nodes, solid), constants_of(nodes, solid)
     every = np.ones(len(material.ratio)) if share is None else share
     nu, mu = material.ratio, material.shear * every
-    flat = solid.model == "plane_stress"
-    # 2 lambda mu / (lambda + 2 mu) = 2 mu nu / (1 - nu) without the cancellation near nu = 1/2.
-    first = 2.0 * mu * nu / (1.0 - nu) if flat else material.lame * every
+    first = first_lame(material, solid.model) * every
     several = solid.materials and solid.keeps_volume
     return ElasticForms(
         space=nodes.space,
