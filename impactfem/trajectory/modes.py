@@ -239,7 +239,7 @@ def hybrid(
     search = _Search(known, gaps, problem, modes_of(modes, gaps), settings, begin(problem, guess))
     found = search.refined()
     answer = found.answer
-    message = answer.said
+    message = answer.in_words
     if answer.status == "infeasible":
         message = (
             f"no motion was found with contacts in the order {show(list(modes))}; farthest off is "

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from impactfem.arrays import Floats
 from impactfem.trajectory.symbols import loaded
 
-_DONE = {"Solve_Succeeded", "Solved_To_Acceptable_Level"}
+_ACCEPTABLE = "Solved_To_Acceptable_Level"
+_DONE = {"Solve_Succeeded", _ACCEPTABLE}
 _TOLERANCE = 1e-9  # of first-order conditions, in the sizes of unknowns, rows and cost
 _MET = 1e-6  # rows off by more are not met
 
@@ -45,6 +46,16 @@ class Answer:
             return "converged"
         infeasible = "Infeasible" in self.said or "Restoration" in self.said
         return "infeasible" if infeasible or self.off > _MET else "not_converged"
+
+    @property
+    def in_words(self) -> str:
+        """What Ipopt returned; of an answer that it took for want of a better one, why."""
+        if self.said != _ACCEPTABLE:
+            return self.said
+        return (
+            f"Ipopt ended at its acceptable level (optimality {self.kkt:.2g}), as where conditions "
+            "are degenerate: hold the answer against another start or more nodes"
+        )
 
 
 @dataclass

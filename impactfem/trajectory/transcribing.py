@@ -377,6 +377,8 @@ def solved(
             f"the search did not converge (Ipopt: {message}) in {found.answer.iterations} "
             f"iterations; {_REMEDIES.get(message, _REMEDY)}"
         )
+    else:
+        message = found.answer.in_words
     return Transcribed(
         problem, transcription, found.answer.status, message, found.answer.cost, found.answer.kkt,
         search.iterations, refine, tuple(search.rounds), time.perf_counter() - begun,

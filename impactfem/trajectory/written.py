@@ -57,6 +57,8 @@ def _notes(planned: Planned, ran: Ran) -> list[tuple[str, str]]:
         ("note", f"the run meets {name} at t = {time:.4g} s")
         for name, time in (ran.touched or {}).items()
     ]
+    if planned.found.status == "converged" and " " in planned.found.message:  # not Ipopt's word
+        found.append(("note", planned.found.message))
     if planned.rests:
         told = ", ".join(planned.rests)
         found.append(("note", f'ends at rest, since nothing else is said: {told}; or say "free"'))

@@ -8,6 +8,7 @@ import pytest
 
 import impactfem
 from impactfem import SceneError
+from impactfem.trajectory.nlp import Answer
 
 pytest.importorskip("casadi")
 
@@ -203,3 +204,14 @@ class TestCannotBe:
     def test_refused(self, changed, told):
         with pytest.raises(SceneError, match=re.escape(told)):
             moved(**changed)
+
+
+def test_answers_that_ipopt_only_accepts_say_so():
+    """As at degenerate rows; which they are differs from one version of Ipopt to the next."""
+    for said, words in (
+        ("Solve_Succeeded", "Solve_Succeeded"),
+        ("Solved_To_Acceptable_Level", "acceptable level (optimality 0.0022), as where"),
+    ):
+        answer = Answer(np.zeros(1), 1.0, 2.2e-3, 0.0, "", 64, said)
+        assert answer.status == "converged"
+        assert words in answer.in_words
