@@ -223,6 +223,9 @@ def _loaded(data: dict[str, Any], path: str) -> str:
     """Path of the value of a traction, pressure or motion that is named by its surface.
 
     Tractions and pressures of which the body has none there are added to the scene, as 0.
+
+    Raises:
+        NotAllowedError: There is no such body, or a plate has no such loads.
     """
     named = _ON_SURFACE.fullmatch(path)
     if named is None:
@@ -232,6 +235,8 @@ def _loaded(data: dict[str, Any], path: str) -> str:
     plate = looked_up(data, f"body.{body}.kind") == "plate"
     if load == "motion":
         return f"{place}.{surface}.motion{axis or ''}" if plate else place + where
+    if plate and load == "traction":
+        raise NotAllowedError(f"plates have no tractions; give body.{body}.pressure.top")
     given = [] if is_missing(data, place) else cast("list[Any]", looked_up(data, place))
     face = "face" if plate else "surface"
     if all(each.get(face) != surface for each in given):

@@ -98,6 +98,9 @@ def test_controls_act_on_pressures_by_their_face_and_on_edges():
     acting["body"][0]["supports"] = [{"edge": "left", "kind": "clamped", "motion": 0}]
     moved = Scene.from_dict(acting).bodies[0].supports[0].motion
     assert moved.text == "push"
+    acting["control"][0]["acts"] = "body.lid.traction.top.x"
+    with pytest.raises(SceneError, match=r"no tractions; give body\.lid\.pressure\.top"):
+        Scene.from_dict(acting)
 
 
 @pytest.mark.parametrize(
