@@ -134,7 +134,8 @@ def _planned(scene: Scene) -> Plan[Any]:
         return replace(chosen, method="event_driven")
     uniform = all(bar.has_two_waves for bar in scene.bars) and not scene.gives_way
     fitting = [name for name in known if METHODS[name].exact and uniform] or known
-    if any(each.path is None or _STIFFENS.search(each.path) for each in scene.parameters):
+    stiffens = any(each.path is None or _STIFFENS.search(each.path) for each in scene.parameters)
+    if stiffens or any(control.along == "x" for control in scene.controls):
         # The time step of the start is kept: that of explicit steps has a limit by wave speeds.
         fitting = [name for name in fitting if name != "explicit"]
     if scene.solve.method is None and fitting and chosen.method not in fitting:

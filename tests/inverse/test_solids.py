@@ -170,7 +170,10 @@ def tailed(duration, start=1.0, **more):
 
 
 @pytest.mark.parallel([1, 2])
-def test_a_profile_of_twenty_pieces_backwards():
+def test_a_profile_of_twenty_pieces_backwards(monkeypatch):
+    from impactfem.marching import reversed_march
+
+    monkeypatch.setattr(reversed_march, "_IN_MEMORY", 0)  # states go to a file
     mass = {"minimise": [{"term": "vibration_energy"}, {"term": "mass", "body": "strip"}]}
     (slopes, known), varied = backwards(tailed(0.004, (1.0 + 0.3 * np.sin(range(20))), **mass))
     parallel_assert(bool(known.all()))
@@ -195,6 +198,10 @@ def test_a_modulus_that_varies_takes_steps_without_a_limit_by_waves():
     free = {"method": None, "dt": None}
     varied = {name: Varied.of(thrown(name, solve=free)).chosen.method for name in ("v", "E")}
     assert varied == {"v": "explicit", "E": "massless"}
+    course = [{"name": "course", "along": "x", "until": 0.05, "pieces": 3, "start": 0.1}]
+    graded = {"youngs_modulus": "1.5e6*(1 + course)"}
+    scene = thrown("v", solve=free, control=course, body=graded)
+    assert Varied.of(scene).chosen.method == "massless"
 
 
 def test_the_speed_of_a_body_at_rest_has_a_kink_that_is_told():
