@@ -418,8 +418,7 @@ def why_marched(scene: Content) -> str | None:
         return f"bodies of different kinds ({', '.join(kinds)})"
     if scene.sampled or scene.couplings or (scene.starts_at_rest and not scene.bars):
         return _of_scene(scene)
-    marched = scene.gives_way or kinds == ["bar"]
-    if not all(body.marches_alone for body in scene.bodies) and (scene.bars or not marched):
+    if scene.bars:
         return None
     if len(scene.bodies) > 1 and not all(body.meets_alike for body in scene.bodies):
         return f"several bodies of kind {kinds[0]}"
@@ -442,8 +441,8 @@ def _of_gravity(scene: Content) -> str | None:
     slender = any(body.is_slender for body in scene.bodies)
     if slender and not scene.gravity.is_constant:
         return "gravity that changes"
-    bars = scene.kinds == {"bar"} and not scene.gives_way
-    return "gravity of bars without a wall of their own" if bars else None
+    other = scene.gives_way or any(body.marches_alone for body in scene.bodies)
+    return None if other else "gravity of bars without a wall of their own"
 
 
 def _of_laws(scene: Content) -> str | None:

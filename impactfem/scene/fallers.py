@@ -219,7 +219,10 @@ def _move_rigid(body: RigidBody, tables: dict[str, Any], move: Move) -> None:
 def _move_solid(body: Solid, tables: dict[str, Any], move: Move) -> None:
     _check_even(body, tables)
     if move.turns:
-        _turn_drawn(body, tables, move)
+        if body.shape is None and not body.is_axisymmetric:
+            tables["orientation"] = _oriented(move.turn @ body.turn)
+        else:
+            _turn_drawn(body, tables, move)
         _turn_materials(body, tables, move)
     for refined in tables.get("refine", ()):
         refined["point"] = move.point(refined["point"])
@@ -356,13 +359,10 @@ def _turn_materials(body: Solid, tables: dict[str, Any], move: Move) -> None:
         home["orthotropic"]["orientation"] = _oriented(turn @ law.axes)
 
 
-def _turn_drawn(body: Solid | SpringNet, tables: dict[str, Any], move: Move) -> None:
-    """Turn the shape of a body, where it has an angle or looks the same, or a mesh file."""
+def _turn_drawn(body: Solid | SpringNet, tables: Mapping[str, Any], move: Move) -> None:
+    """Turn the shape of a body, where it has an angle or looks the same."""
     shape = tables.get("shape")
     axisymmetric = isinstance(body, Solid) and body.is_axisymmetric
-    if isinstance(body, Solid) and not (shape or axisymmetric):
-        tables["orientation"] = _oriented(move.turn @ body.turn)
-        return
     if shape and shape["kind"] in {"disc", "sphere", "ring"} and not axisymmetric:
         return
     if not shape or "angle" not in shape or move.angle is None or axisymmetric:

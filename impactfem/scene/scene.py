@@ -95,7 +95,8 @@ class Scene(Content):
         self._open_files()
         self._add_masses()
         self._add_joints()
-        if self.dim == 1 and not self.bars and self.kinds == {"bar"}:
+        alone = not any(body.marches_alone for body in self.bodies)
+        if alone and self.dim == 1 and not self.bars:
             self._turn_gravity()
         check_scene(self, gravity)
         self._start_parameters()

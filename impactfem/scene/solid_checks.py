@@ -77,13 +77,16 @@ def _check_source(solid: "Solid") -> None:
 
 def _check_orientation(solid: "Solid", given: Orientation) -> None:
     """Refuse turns of what is drawn turned, or out of the plane."""
+    if solid.mesh is not None and solid.dim == 3:
+        given.check_in_space(solid.kind)
+        return
+    text = ": in the plane all turns are about z: give angle."
     if solid.mesh is None or solid.is_axisymmetric:
         why = "bodies on an axis stay on it" if solid.is_axisymmetric else "shapes have an angle"
-        raise _fail(solid, "orientation", f" is for mesh, and {why}; remove it.")
-    if solid.dim == 3:
-        given.check_in_space(solid.kind)
-    elif given.in_plane is None:
-        raise _fail(solid, "orientation", ": in the plane all turns are about z: give angle.")
+        text = f" is for mesh, and {why}; remove it."
+    elif given.in_plane is not None:
+        return
+    raise _fail(solid, "orientation", text)
 
 
 def _check_materials(solid: "Solid") -> None:
