@@ -55,7 +55,7 @@ CASES = {
     "no body": ({"body": ABSENT}, ["body is missing", "one or more [[body]]"]),
     "no obstacle": (
         {"obstacle": ABSENT, "gravity": 9.81},
-        ["gravity = 9.81", "[[obstacle]]", '"wall"', "out of its reach"],
+        ['method = "galerkin"', "gravity of bars without a wall", 'give "conserving"'],
     ),
     "no length": ({"body.0.length": ABSENT}, ["body[0].length is missing", "a number > 0 [m]"]),
     "no density": ({"body.0.density": ABSENT}, ["body[0].density is missing", "give a number"]),
