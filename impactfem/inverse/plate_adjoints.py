@@ -118,7 +118,7 @@ class PlateNumbers(Numbers):
         probe = next((each for each in self._scene.probes if each.name == name), None)
         if probe is None or of not in {f"{kind}{axis}" for kind in "uv" for axis in "xyz"}:
             return super()._probe(name, of)
-        nodes, shares, _ = self._interior.located(0, np.array(probe.point, dtype=np.float64))
+        nodes, shares, _ = self._interior.shown.located(0, np.array(probe.point, dtype=np.float64))
         count = len(bodies.mesh.points)
         at = np.bincount(nodes % count, shares, count)
         at *= bodies.plate.frame[1][2]["xyz".index(of[1])]

@@ -6,13 +6,13 @@ with contact forces F of the layer and H where the free motion is halfway. Each 
 bodies, of which there are few, and only rank 0 sums them up.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.arrays import Booleans, Floats
 from impactfem.errors import ConvergenceError
 from impactfem.findings import STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.few_forces import steady_load, tangent
@@ -20,12 +20,10 @@ from impactfem.marching.few_start import FewAtRest
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.iterated import SHARE, by_energy
 from impactfem.marching.layers import Sums
+from impactfem.marching.marched import Marched, Shown
 from impactfem.marching.meshless import Meshless, step_length
 from impactfem.marching.stations import Held
-from impactfem.marching.watched import Watched
-from impactfem.result.shapes import LINE, Shape
 from impactfem.scene import PiecewiseVector
-from impactfem.system.closest import closest_shares, distances
 from impactfem.system.few import FewBodies, Lumped
 from impactfem.system.generalized import LinearSystem
 from impactfem.system.stations import Stations
@@ -33,15 +31,10 @@ from impactfem.system.stations import Stations
 _MOST_ITERATIONS = 50
 _EPS, _TINY = 4.0 * float(np.finfo(float).eps), float(np.finfo(float).tiny)
 _SETTLED = 1e-13  # change of velocities, as a share of the largest
-_NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 
 
-class FewInterior(Watched, Meshless):
-    """Bodies without meshes as they are marched and shown.
-
-    Attributes:
-        bodies: What moves.
-    """
+class FewInterior(Marched, Meshless):
+    """What steps bodies without meshes of one kind."""
 
     strike: Callable[[Floats], None]
     """Adds the layer's contact forces (count, dim)."""
@@ -66,20 +59,12 @@ class FewInterior(Watched, Meshless):
         self._q, self._v = bodies.position.copy(), bodies.velocity.copy()
         self._ahead: Floats = self._v.copy()  # rates at the end of the step
         self._start = bodies.places(bodies.position)
+        self.shown = Shown(self)
         self._compliance = np.zeros((0, 0))  # of a layer, of kinds that know it as a whole [m/N]
         none = np.zeros(len(self._start), dtype=bool)
         self.massive: Booleans = none
         self.radiating: Booleans = none
         self.volatile: Booleans = none
-
-    @property
-    def stepper(self) -> Any:
-        """What steps it: itself, or what steps other bodies with it."""
-        return self
-
-    @classmethod
-    def step_together(cls, alike: Sequence["FewInterior"]) -> None:
-        """Let bodies of this kind that nothing joins be stepped at once, where that is faster."""
 
     @property
     def coordinates(self) -> Floats:
@@ -96,50 +81,6 @@ class FewInterior(Watched, Meshless):
         """Of the contact nodes since t = 0 [m], (count, dim)."""
         return self.bodies.places(self._q) - self._start
 
-    def shape(self, body: int) -> tuple[Floats, Floats, Integers]:
-        """What a body looks like at rest: places [m], radii [m], and nodes joined by lines."""
-        own, bodies = self.bodies.nodes_of(body), self.bodies
-        return self._start[own], bodies.radius[own], bodies.lines_of(body)
-
-    def drawn(self, body: int, name: str) -> Shape:
-        """The same for files and pictures: balls, and axes between nodes."""
-        places, radius, lines = self.shape(body)
-        if len(lines):
-            return Shape(name, places, lines, LINE, radius)
-        return Shape.vertices(name, places, radius)
-
-    def material(self, body: int) -> Floats:
-        """Places of the same nodes as probes are given, shape (nodes, dim)."""
-        return self.shape(body)[0]
-
-    def located(self, body: int, point: Floats) -> tuple[Integers, Floats, bool]:
-        """Nodes of a body near a place (dim,) as of `material`, their weights, if it is inside."""
-        _, radius, lines = self.shape(body)
-        places = self.material(body)
-        simplices = lines if len(lines) else np.zeros((1, 1), dtype=np.int64)
-        shares = closest_shares(point[None], places[simplices])
-        _, away = distances(point[None], places[simplices], shares)
-        at = int(np.argmin(away[0]))
-        room = float(radius[simplices[at]].max()) + _NEAR * float(np.ptp(places) or 1.0)
-        return simplices[at], shares[0, at], bool(away[0, at] <= room)
-
-    def motion(self, body: int) -> dict[str, Floats]:
-        """Fields of a body at these nodes now: displacement [m], velocity [m/s], (nodes, dim)."""
-        own = self.bodies.nodes_of(body)
-        return {
-            "displacement": self.surface_displacement[own],
-            "velocity": self.surface_velocity[own],
-        }
-
-    @property
-    def components(self) -> Mapping[str, int]:
-        """Of fields that `motion` gives besides those of all bodies, by name."""
-        return {}
-
-    def acting(self, body: int, forces: Floats) -> Floats:
-        """Contact forces [N] on these nodes by those on all contact nodes, (nodes, dim) each."""
-        return np.asarray(forces[self.bodies.nodes_of(body)])
-
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
         self.strike(forces)
@@ -151,19 +92,6 @@ class FewInterior(Watched, Meshless):
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""
         return self.summed(0.0)
-
-    def stress(self, body: int) -> Floats:  # noqa: ARG002  (of bars)
-        """Axial stress at these nodes [Pa], (nodes,); NaN if it is not known."""
-        return np.full(1, np.nan)
-
-    def told(self) -> dict[str, dict[str, float]]:
-        """Figures of a level besides those of bodies, by first and last part of their columns."""
-        return {}
-
-    @property
-    def surface_velocity(self) -> Floats:
-        """Of the contact nodes [m/s], (count, dim)."""
-        raise NotImplementedError
 
     @property
     def surface_iterate(self) -> Floats:
@@ -230,17 +158,6 @@ class FewInterior(Watched, Meshless):
     def remember(self, memory: Mapping[str, Floats]) -> None:
         """Go on from what `memory` gave."""
         self._q, self._v = memory["coordinates"].copy(), memory["rates"].copy()
-
-    def held(self, stations: Stations) -> Held:
-        """It as joints hold it; see `impactfem.scene.body.BodyKind.takes_joints`."""
-        raise NotImplementedError
-
-    def apply(self, body: int, force: Floats, moment: Floats) -> bool:  # noqa: ARG002  (of others)
-        """Hold a force (dim,) [N] and moment (turns,) [N m] from outside on a body's centre.
-
-        Until it is given another one; whether it can.
-        """
-        return False
 
 
 class FewMidpoint(FewInterior):

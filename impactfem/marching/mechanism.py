@@ -20,16 +20,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from impactfem.arrays import Floats
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import ConvergenceError
+from impactfem.marching.few import FewInterior
 from impactfem.marching.held_tree import Chords, HeldTree
 from impactfem.marching.iterated import SHARE, by_energy
 from impactfem.marching.joint_laws import STICKS, JointLaws
 from impactfem.marching.layers import Sums
-from impactfem.marching.mechanism_shown import ShownMechanism
 from impactfem.marching.mechanism_start import MechanismAtRest
 from impactfem.marching.meshless import step_length
+from impactfem.marching.pictured import Pictured
 from impactfem.marching.stations import Held
+from impactfem.result.history import LOST
 from impactfem.scene import PiecewiseVector
 from impactfem.scene.jets import motion_at
 from impactfem.system.mechanism import Arm
@@ -44,12 +46,14 @@ _TURNED = 0.03  # share of the kinetic energies of both ends that the mean rates
 _SHARE = 1e-6  # of positions and rates by which motors are differentiated
 
 
-class MechanismMidpoint(ShownMechanism):
+class MechanismMidpoint(FewInterior):
     """Interior of a mechanism; see `impactfem.marching.layers.Interior`.
 
     Attributes:
         span: Of the step [s].
     """
+
+    bodies: Arm
 
     def __init__(
         self, bodies: Arm, gravity: PiecewiseVector, dt: float, *, counts: bool, exact: bool = False
@@ -66,6 +70,9 @@ class MechanismMidpoint(ShownMechanism):
                 and forces do their work on these ways. Joints are then solved for with every force.
         """
         super().__init__(bodies, gravity, dt, counts=counts)
+        self.shown = Pictured(self, bodies.picture[2])
+        self._angle = bodies.angles_at_start.copy()
+        self._lost = np.zeros_like(self._angle)  # what dampers, friction and limits took [J]
         self.span, count = dt, len(self._start)
         self.massive = self.volatile = np.ones(count, dtype=bool)
         self._rolls = bool(bodies.rolling.any() or bodies.following.any())
@@ -76,7 +83,7 @@ class MechanismMidpoint(ShownMechanism):
         self._exact, self._chords = exact, exact and bodies.tree.free
         self._begin()
         self._inverse = np.linalg.inv(self._inertia)
-        self._acting = self._start - self._centre
+        self._acting = self._start - self._centre  # where nodes touch amid the layer, (nodes, 3)
         self._jacobian = np.zeros((3 * count, bodies.tree.rates))
 
     @property
@@ -540,3 +547,53 @@ class MechanismMidpoint(ShownMechanism):
         kinetic = 0.5 * float(self._v @ self._inertia @ self._v)
         momentum, angular = tree.momenta(self._q, self._v)
         return [Sums(kinetic, 0.0, work, momentum, moved, angular)]
+
+    # ---- what is seen of it --------------------------------------------------------------------
+
+    def told(self) -> dict[str, dict[str, float]]:
+        """Positions, rates and losses of joints, by the first parts of their columns."""
+        name, tree = self.bodies.names[0], self.bodies.tree
+        found = {
+            f"{name}.{joint}": {
+                "q": float(self._angle[at]),
+                "v": float(self._v[at]),
+                LOST: float(self._lost[at]),
+            }
+            for joint, at in tree.single.items()
+        }
+        for joint, (of, ratio, offset) in tree.followers.items():
+            q, v = (found[f"{name}.{of}"][key] for key in ("q", "v"))
+            found[f"{name}.{joint}"] = {"q": ratio * q + offset, "v": ratio * v, LOST: 0.0}
+        if tree.free:
+            turned = self._q[[6, 3, 4, 5]]
+            spin = tree.base(self._q) @ self._v[3:6]
+            found[f"{name}.{tree.root}"] = {
+                **dict(zip(("qw", "qx", "qy", "qz"), turned.tolist(), strict=True)),
+                **dict(zip(("wx", "wy", "wz"), spin.tolist(), strict=True)),
+            }
+        return found
+
+    def pictured(self, q: Floats) -> Floats:
+        """Places [m] of contact nodes, then of the points of the picture, (nodes, dim)."""
+        bodies = self.bodies
+        turns, origins = bodies.tree.poses(q, bodies.moving)
+        on = np.concatenate([bodies.on, bodies.picture[0]])
+        arms = np.vstack([bodies.arms, bodies.picture[1]])
+        return np.asarray(origins[on] + np.einsum("kij,kj->ki", turns[on], arms))
+
+    def pictured_speeds(self, places: Floats) -> Floats:
+        """Velocities of what is at the places of these now [m/s], (nodes, dim)."""
+        bodies, tree = self.bodies, self.bodies.tree
+        _, origins = tree.poses(self._q, bodies.moving)
+        on = np.concatenate([bodies.on, bodies.picture[0]])
+        moving = (tree.jacobians(self._q, bodies.moving) @ self._v)[on]
+        return np.asarray(moving[:, :3] + cross(moving[:, 3:], places - origins[on]))
+
+    def leaning(self, nodes: Integers) -> tuple[Floats, Integers, Floats]:
+        """Where markers of a carrier were in the last layer [m], (nodes, 3), from some place.
+
+        And which points of the picture move with them, (points,), and are where from there [m].
+        """
+        points = np.flatnonzero(self.bodies.picture[0] == self.bodies.on[nodes[0]])
+        places = self.pictured(self._q)[len(self._start) + points]
+        return self._acting[nodes], points, places - self.bodies.tree.centre(self._q)

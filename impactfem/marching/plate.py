@@ -22,6 +22,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from impactfem.arrays import Floats
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
+from impactfem.marching.few import FewInterior
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.layers import Backward, Sums
 from impactfem.marching.plate_shown import ShownPlate
@@ -46,15 +47,21 @@ _SETTLED = 256  # layers after which what has no mass is solved for anew: roundi
 _COLUMN_BYTES = 2**28  # kept answers to unit forces; beyond this a layer solves once more
 
 
-class PlateMidpoint(ShownPlate):
+class PlateMidpoint(FewInterior):
     """Interior of a plate; see `impactfem.marching.layers.Interior`.
 
     Attributes:
         pulls: Of friction in the plane [N], of one that stretches.
         before: Coordinates at the start of the layer, (d,).
+        strains: Of the triangles of the middle, where it stretches, (cells, 3).
+        in_plane: Displacement of vertices in the plane that friction brings about [m],
+            (vertices, 3).
     """
 
+    bodies: PlateSystem
     pulls: Floats = np.zeros(0)
+    strains: Floats = np.zeros((0, 3))
+    in_plane: Floats | float = 0.0
 
     def __init__(
         self, bodies: PlateSystem, gravity: PiecewiseVector, dt: float, *, counts: bool
@@ -99,6 +106,12 @@ class PlateMidpoint(ShownPlate):
         self._kicked: Floats | float = 0.0
         self._start = bodies.places(self._q)
         self._free = self._at_ease()
+        self.shown = ShownPlate(self)
+
+    @property
+    def speed(self) -> Floats:
+        """Of all vertices along the normal [m/s]; of massless ones the mean of their neighbours."""
+        return np.asarray(self.bodies.transfer @ self.bodies.deflection(self._v))
 
     @cached_property
     def _layer(self) -> PlateStep:

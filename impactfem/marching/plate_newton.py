@@ -80,12 +80,12 @@ class PlateNewton(PlateMidpoint):
 
     @property
     def strains(self) -> Floats:  # type: ignore[override]
-        """See `ShownPlate`."""
+        """See `PlateMidpoint`."""
         return self._inner.strains
 
     @property
-    def in_plane(self) -> Floats | float:
-        """See `ShownPlate`."""
+    def in_plane(self) -> Floats | float:  # type: ignore[override]
+        """See `PlateMidpoint`."""
         if self._grip is None or self.bodies.membrane is None:
             return 0.0
         u = self.bodies.membrane.at(csr_matrix(eye_array(len(self.bodies.node_mass))))

@@ -1,65 +1,54 @@
 """What files and pictures show of a plate: its mid-surface, or all that is between its faces."""
 
-from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
-from impactfem.marching.few import FewInterior
+from impactfem.marching.marched import Shown
 from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, VECTOR, Shape
 from impactfem.system.closest import shares_inside
 from impactfem.system.kirchhoff import DOFS
-from impactfem.system.plate import PlateSystem
+
+if TYPE_CHECKING:
+    from impactfem.marching.plate import PlateMidpoint
 
 _NEAR = 1e-9  # share of the plate's size by which a probe may lie off its mid-surface
 
 
-class ShownPlate(FewInterior):
+class ShownPlate(Shown["PlateMidpoint"]):
     """A plate; its nodes are the vertices of its mid-surface, or of its bottom, then its top."""
 
-    bodies: PlateSystem
+    measure = "thickness"
 
-    @property
-    def components(self) -> Mapping[str, int]:
-        """Stresses s_xx, s_yy, s_xy along the axes of the plate [Pa], by name."""
-        if self.bodies.plate.is_filled:
-            return {"face_stress": VECTOR}
-        return {"stress_bottom": VECTOR, "stress_top": VECTOR}
-
-    @property
-    def speed(self) -> Floats:
-        """Of all vertices along the normal [m/s]; of massless ones the mean of their neighbours."""
-        return np.asarray(self.bodies.transfer @ self.bodies.deflection(self._v))
-
-    strains: Floats = np.zeros((0, 3))
-    """Of the triangles of the middle, where it stretches, (cells, 3)."""
-
-    @property
-    def in_plane(self) -> Floats | float:
-        """Displacement of vertices in the plane that friction brings about [m], (vertices, 3)."""
-        return 0.0
+    def __init__(self, march: "PlateMidpoint") -> None:
+        """See a plate, with stresses s_xx, s_yy, s_xy along its axes [Pa]."""
+        super().__init__(march)
+        self._system = march.bodies
+        names = ["face_stress"] if self._system.plate.is_filled else ["stress_bottom", "stress_top"]
+        self.components = dict.fromkeys(names, VECTOR)
 
     @property
     def middle(self) -> Floats:
         """Vertices of the mid-surface, undeformed [m], (vertices, 3)."""
-        center, axes = self.bodies.plate.frame
-        return np.asarray(center + self.bodies.mesh.points @ axes[:2])
+        center, axes = self._system.plate.frame
+        return np.asarray(center + self._system.mesh.points @ axes[:2])
 
     def material(self, body: int) -> Floats:  # noqa: ARG002  (it is one)
         """Its nodes, undeformed [m], (nodes, 3)."""
-        if not self.bodies.plate.is_filled:
+        if not self._system.plate.is_filled:
             return self.middle
-        half = np.outer(0.5 * self.bodies.thickness, self.bodies.plate.frame[1][2])
+        half = np.outer(0.5 * self._system.thickness, self._system.plate.frame[1][2])
         return np.concatenate([self.middle - half, self.middle + half])
 
     def drawn(self, body: int, name: str) -> Shape:
         """Triangles of its mid-surface, or tetrahedra between its faces."""
-        cells = self.bodies.mesh.cells
-        if not self.bodies.plate.is_filled:
+        cells = self._system.mesh.cells
+        if not self._system.plate.is_filled:
             return Shape(name, self.material(body), cells, TRIANGLE)
         # Cut alike from both sides of a common edge: by the numbers of the vertices.
         a, b, c = np.sort(cells, axis=1).T
-        top = len(self.bodies.mesh.points)
+        top = len(self._system.mesh.points)
         thirds = [(a, b, c, c + top), (a, b, b + top, c + top), (a, a + top, b + top, c + top)]
         filled = np.concatenate([np.stack(each, axis=1) for each in thirds])
         places = self.material(body)[filled]
@@ -69,9 +58,10 @@ class ShownPlate(FewInterior):
 
     def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
         """Displacement [m], velocity [m/s], stress at the faces [Pa] of its nodes, by name."""
-        bodies, axes = self.bodies, self.bodies.plate.frame[1]
-        moved = np.outer(bodies.deflection(self._q), axes[2]) + self.in_plane
-        speed, stress = np.outer(self.speed, axes[2]), bodies.stresses(self._q, self.strains)
+        march, bodies, axes = self._march, self._system, self._system.plate.frame[1]
+        moved = np.outer(bodies.deflection(march.coordinates), axes[2]) + march.in_plane
+        speed = np.outer(march.speed, axes[2])
+        stress = bodies.stresses(march.coordinates, march.strains)
         mises = von_mises(stress)
         if not bodies.plate.is_filled:
             return {
@@ -81,7 +71,7 @@ class ShownPlate(FewInterior):
         half = 0.5 * bodies.thickness[:, None]
         tilt, tilting = (
             half * (rates.reshape(-1, DOFS)[:, 1:] @ axes[:2])
-            for rates in (bodies.basis @ self._q, bodies.basis @ self._v)
+            for rates in (bodies.basis @ march.coordinates, bodies.basis @ march.rates)
         )  # of the normal, against the slope
         return {
             "displacement": np.concatenate([moved + tilt, moved - tilt]),
@@ -93,50 +83,49 @@ class ShownPlate(FewInterior):
     def acting(self, body: int, forces: Floats) -> Floats:
         """Contact forces [N] on its nodes by those on the contact nodes, (nodes, 3)."""
         found = np.zeros_like(self.material(body))
-        nodes = self.bodies.touch
-        forces = self.bodies.on_faces.at_vertices(forces)
-        if self.bodies.plate.is_filled:
-            on_top = forces @ self.bodies.plate.frame[1][2] < 0.0
-            nodes = nodes + len(self.bodies.mesh.points) * on_top
+        nodes = self._system.touch
+        forces = self._system.on_faces.at_vertices(forces)
+        if self._system.plate.is_filled:
+            on_top = forces @ self._system.plate.frame[1][2] < 0.0
+            nodes = nodes + len(self._system.mesh.points) * on_top
         found[nodes] = forces
         return found
 
     def located(self, body: int, point: Floats) -> tuple[Integers, Floats, bool]:  # noqa: ARG002
         """Nodes around a place of its mid-surface, their weights, if it is in the plate."""
-        center, axes = self.bodies.plate.frame
-        mesh = self.bodies.mesh
+        center, axes = self._system.plate.frame
+        mesh = self._system.mesh
         x, y, off = axes @ (point - center)
         shares = shares_inside(np.array([x, y]), mesh.points[mesh.cells])
         at = int(np.argmax(shares.min(axis=1)))
-        inside = abs(off) <= 0.5 * self.bodies.depth * (1.0 + _NEAR)
+        inside = abs(off) <= 0.5 * self._system.depth * (1.0 + _NEAR)
         inside = bool(inside and shares[at].min() >= -_NEAR)
         nodes, weights = mesh.cells[at], shares[at]
         if not inside:
             nearest = int(np.argmin(np.linalg.norm(mesh.points - np.array([x, y]), axis=1)))
             nodes, weights = np.array([nearest]), np.ones(1)
-        if self.bodies.plate.is_filled:  # what both faces do is what the middle does
+        if self._system.plate.is_filled:  # what both faces do is what the middle does
             nodes = np.concatenate([nodes, nodes + len(mesh.points)])
             weights = np.concatenate([0.5 * weights, 0.5 * weights])
         return nodes, weights, inside
 
     def unguarded(self, lines: Integers) -> tuple[Floats, float]:  # noqa: ARG002
         """All triangles, and half the thickness."""
-        moved = np.outer(self.bodies.deflection(self._q), self.bodies.plate.frame[1][2])
-        return (self.middle + moved)[self.bodies.mesh.cells], 0.5 * self.bodies.depth
+        deflection = self._system.deflection(self._march.coordinates)
+        moved = np.outer(deflection, self._system.plate.frame[1][2])
+        return (self.middle + moved)[self._system.mesh.cells], 0.5 * self._system.depth
 
     @property
     def nodes_sink(self) -> bool:
         """Whether contact lets vertices sink in: on springs, and where they have mass."""
-        return not self.bodies.massless
-
-    measure = "thickness"
+        return not self._system.massless
 
     def unguarded_in_words(self, lines: Integers) -> tuple[float, str, str]:  # noqa: ARG002
-        """See `FewInterior`."""
+        """See `Shown`."""
         remedy = "take a smaller mesh_size"
         if not self.nodes_sink:
             remedy += ": vertices between those that touch keep their mass"
-        return self.bodies.depth, "places of {name} lie", remedy
+        return self._system.depth, "places of {name} lie", remedy
 
 
 def von_mises(stress: Floats) -> Floats:

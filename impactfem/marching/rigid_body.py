@@ -1,12 +1,13 @@
 """A rigid body as it is marched, alone or with others, and shown."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import cast
 
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
-from impactfem.marching.few import FewInterior
+from impactfem.marching.marched import Marched
 from impactfem.marching.pictured import Pictured
 from impactfem.marching.rigid import RigidBodies
 from impactfem.marching.stations import Held, HeldRigid
@@ -15,7 +16,7 @@ from impactfem.system.rigid import Rigid, frame, in_space
 from impactfem.system.stations import Stations
 
 
-class RigidMidpoint(Pictured):
+class RigidMidpoint(Marched):
     """One of the bodies that `RigidBodies` steps, at first the only one."""
 
     bodies: Rigid
@@ -24,13 +25,11 @@ class RigidMidpoint(Pictured):
         self, bodies: Rigid, gravity: PiecewiseVector, dt: float, *, counts: bool,
         exact: bool = False,
     ) -> None:  # fmt: skip
-        """Begin at t = 0; see `FewInterior` and `RigidBodies`."""
-        super().__init__(bodies, gravity, dt, counts=counts)
-        self._cells, self._exact = bodies.picture[1], exact
-        self._march, self._at = self._marched([bodies]), 0
-
-    def _marched(self, bodies: Sequence[Rigid]) -> RigidBodies:
-        return RigidBodies(bodies, self._gravity, self.dt, counts=self.counts, exact=self._exact)
+        """Begin at t = 0; see `RigidBodies`."""
+        self.bodies, self.dt = bodies, dt
+        self._stepped = partial(RigidBodies, gravity=gravity, dt=dt, counts=counts, exact=exact)
+        self._march, self._at = self._stepped([bodies]), 0
+        self.shown = Pictured(self, bodies.picture[1])
 
     @property
     def stepper(self) -> RigidBodies:
@@ -38,10 +37,10 @@ class RigidMidpoint(Pictured):
         return self._march
 
     @classmethod
-    def step_together(cls, alike: Sequence[FewInterior]) -> None:
+    def step_together(cls, alike: Sequence[Marched]) -> None:
         """Step bodies at once."""
         each = cast("Sequence[RigidMidpoint]", alike)
-        march = each[0]._marched([part.bodies for part in each])  # noqa: SLF001
+        march = each[0]._stepped([part.bodies for part in each])  # noqa: SLF001
         for k, part in enumerate(each):
             part._march, part._at = march, k  # noqa: SLF001
 
@@ -69,32 +68,24 @@ class RigidMidpoint(Pictured):
         return HeldRigid(self._march)
 
     def apply(self, body: int, force: Floats, moment: Floats) -> bool:  # noqa: ARG002  (it is one)
-        """See `FewInterior`."""
+        """See `Marched`."""
         self._march.apply(self._at, force, moment)
         return True
 
-    def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
-        """Fields at these places now: displacement [m], velocity [m/s], (nodes, dim)."""
-        places, rest = self._pictured(self.coordinates), self._pictured(self.bodies.position)
-        speed, spin = (each[self._at] for each in self._march.rates)
-        centre, turn = (each[self._at] for each in self._march.frame)
-        velocity = speed + np.cross(turn @ spin, in_space(places) - centre)
-        return {"displacement": places - rest, "velocity": velocity[:, : self.bodies.dim]}
-
-    def _pictured(self, q: Floats) -> Floats:
+    def pictured(self, q: Floats) -> Floats:
         """Places [m] of contact nodes, then of the points of the picture, (nodes, dim)."""
         centre, turn = frame(q)
         arms = np.vstack([self.bodies.arms, self.bodies.picture[0]])
         return np.asarray((centre + arms @ turn.T)[:, : self.bodies.dim])
 
-    def _leaning(self, nodes: Integers) -> tuple[Floats, Integers, Floats]:
-        """See `Pictured`."""
+    def pictured_speeds(self, places: Floats) -> Floats:
+        """Velocities of what is at the places of these now [m/s], (nodes, dim)."""
+        speed, spin = (each[self._at] for each in self._march.rates)
+        centre, turn = (each[self._at] for each in self._march.frame)
+        velocity = speed + np.cross(turn @ spin, in_space(places) - centre)
+        return np.asarray(velocity[:, : self.bodies.dim])
+
+    def leaning(self, nodes: Integers) -> tuple[Floats, Integers, Floats]:
+        """Where forces act that come in by markers; see `MechanismMidpoint`."""
         points, turn = self.bodies.picture[0], self._march.frame[1][self._at]
         return self._march.acting[self._own][nodes], np.arange(len(points)), points @ turn.T
-
-
-class RodMidpoint(RigidMidpoint):
-    """A rod: a line between its ends, which are its contact nodes."""
-
-    drawn = FewInterior.drawn
-    located = FewInterior.located

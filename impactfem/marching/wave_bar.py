@@ -18,6 +18,7 @@ from impactfem.marching.few import FewInterior
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import Sums
+from impactfem.marching.marched import Shown
 from impactfem.marching.stations import Held
 from impactfem.marching.wave_bar_kernels import arriving_means, end_layer, integrals
 from impactfem.marching.waves import Delay, left_ends
@@ -72,6 +73,7 @@ class WaveBar(FewInterior):
         self._joined, self.noise = np.zeros(2), 0.0
         self.nodes = np.linspace(0.0, bar.length, _NODES + 1)
         self._initial = self._integrals()[2]
+        self.shown = ShownBar(self)
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
         """Velocities of the ends in the step without contact forces: both times their mean."""
@@ -222,35 +224,7 @@ class WaveBar(FewInterior):
         )  # fmt: skip
         self._borders, self._pushes, self._speeds = [0.0], [], [-self._fallen[0]]
 
-    def shape(self, body: int) -> tuple[Floats, Floats, Integers]:  # noqa: ARG002  (one body)
-        """Its axis, undeformed."""
-        bar, first = self.bodies.bar, np.arange(len(self.nodes) - 1)
-        places = self.bodies.at(self.nodes, np.full(len(self.nodes), bar.gap))
-        return places, np.zeros(len(places)), np.stack([first, first + 1], axis=1)
-
-    def material(self, body: int) -> Floats:
-        """On a line from the near end, as probes of bars are given; else in space."""
-        return self.nodes[:, None] if self.bodies.dim == 1 else self.shape(body)[0]
-
-    def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (one body)
-        """Fields at `nodes` now: displacement [m], velocity [m/s], (nodes, dim)."""
-        moved, speed = self._fields()
-        axis = self.bodies.axis
-        given = {"displacement": moved - self.bodies.bar.gap, "velocity": speed}
-        return {name: values[:, None] * axis for name, values in given.items()}
-
-    def acting(self, body: int, forces: Floats) -> Floats:  # noqa: ARG002  (one body)
-        """Contact forces [N] on these nodes: on the first and the last one."""
-        found = np.zeros((len(self.nodes), self.bodies.dim))
-        found[[0, -1]] = forces
-        return found
-
-    def stress(self, body: int) -> Floats:  # noqa: ARG002  (one body)
-        """At `nodes` [Pa], tension > 0."""
-        modulus = self.bodies.bar.at("youngs_modulus", self.nodes)
-        return modulus * np.gradient(self._fields()[0], self.nodes, edge_order=1)
-
-    def _fields(self) -> tuple[Floats, Floats]:
+    def fields(self) -> tuple[Floats, Floats]:
         """Displacement [m] and velocity [m/s] along the bar at `nodes`, (nodes,) each."""
         displacement, rate = np.zeros((2, len(self.nodes)))
         self._integrals(self.nodes / self.bodies.bar.wave_speed, displacement, rate)
@@ -297,3 +271,35 @@ class WaveBar(FewInterior):
         self._mean, self._rise = memory["means"].copy(), memory["rises"].copy()
         self._fallen = memory["fallen"].copy()
         self._speeds = [-self._fallen[0]]
+
+
+class ShownBar(Shown[WaveBar]):
+    """The axis of a bar, with its stress."""
+
+    def shape(self, body: int) -> tuple[Floats, Floats, Integers]:  # noqa: ARG002  (one body)
+        """Its axis, undeformed."""
+        nodes, bodies = self._march.nodes, self._march.bodies
+        places = bodies.at(nodes, np.full(len(nodes), bodies.bar.gap))
+        first = np.arange(len(nodes) - 1)
+        return places, np.zeros(len(places)), np.stack([first, first + 1], axis=1)
+
+    def material(self, body: int) -> Floats:
+        """On a line from the near end, as probes of bars are given; else in space."""
+        return self._march.nodes[:, None] if self._bodies.dim == 1 else self.shape(body)[0]
+
+    def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (one body)
+        """Fields at its nodes now: displacement [m], velocity [m/s], (nodes, dim)."""
+        (moved, speed), bodies = self._march.fields(), self._march.bodies
+        given = {"displacement": moved - bodies.bar.gap, "velocity": speed}
+        return {name: values[:, None] * bodies.axis for name, values in given.items()}
+
+    def acting(self, body: int, forces: Floats) -> Floats:  # noqa: ARG002  (one body)
+        """Contact forces [N] on these nodes: on the first and the last one."""
+        found = np.zeros((len(self._march.nodes), self._bodies.dim))
+        found[[0, -1]] = forces
+        return found
+
+    def stress(self, body: int) -> Floats:  # noqa: ARG002  (one body)
+        """At its nodes [Pa], tension > 0."""
+        modulus = self._march.bodies.bar.at("youngs_modulus", self._march.nodes)
+        return modulus * np.gradient(self._march.fields()[0], self._march.nodes, edge_order=1)

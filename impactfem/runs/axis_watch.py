@@ -18,7 +18,7 @@ from impactfem.contact.distance import signed_distance
 from impactfem.contact.meeting import Led
 from impactfem.contact.overlap import in_obstacle
 from impactfem.findings import Finding, by_limits, percent
-from impactfem.marching.few import FewInterior
+from impactfem.marching.marched import Marched
 from impactfem.marching.rows import Level
 from impactfem.models.solids import SolidsModel
 from impactfem.runs.verdict import PENETRATION_LIMITS
@@ -48,7 +48,7 @@ class AxisWatch:
     """
 
     def __init__(
-        self, model: SolidsModel, few: Sequence[FewInterior], places: Floats, layers: int
+        self, model: SolidsModel, few: Sequence[Marched], places: Floats, layers: int
     ) -> None:
         """Look at some layers of a march with contact nodes at places (nodes, dim) at first."""
         scene, self.speed = model.scene, 0.0
@@ -96,10 +96,10 @@ class AxisWatch:
         for march, name, lines in self._bodies:
             if not len(lines) or not self._obstacles[name]:
                 continue
-            simplices, room = march.unguarded(lines)
+            simplices, room = march.shown.unguarded(lines)
             for obstacle in self._obstacles[name] if len(simplices) else ():
                 reach = room
-                if march.nodes_sink:
+                if march.shown.nodes_sink:
                     corners = simplices.reshape(-1, simplices.shape[2])
                     reach = min(room, signed_distance(obstacle, corners, level.time)[0].min())
                 depth = reach - _nearest(obstacle, simplices, level.time)
@@ -147,12 +147,15 @@ class AxisWatch:
             yield from march.findings()
             if not len(lines):
                 continue
-            size, what, remedy = march.unguarded_in_words(lines)
+            (size, what, remedy), measure = (
+                march.shown.unguarded_in_words(lines),
+                march.shown.measure,
+            )
             for (body, obstacle), depth in self.depth.items():
                 if body == name:
                     share = depth / size
                     text = f"{what.format(name=name)} up to {depth:.2g} m in {obstacle}, "
-                    text += f"{percent(share)} of its {march.measure}: only its contact nodes "
+                    text += f"{percent(share)} of its {measure}: only its contact nodes "
                     text += "touch obstacles"
                     yield from by_limits(
                         "penetration", share, PENETRATION_LIMITS, text, name, remedy

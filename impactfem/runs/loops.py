@@ -16,11 +16,9 @@ from impactfem.log import Progress
 from impactfem.marching.between_levels import BetweenLevels, Still
 from impactfem.marching.composite import Composite
 from impactfem.marching.coupled_levels import CoupledLevels
-from impactfem.marching.few import FewInterior, FewMidpoint
 from impactfem.marching.finite import FiniteMidpoint
 from impactfem.marching.finite_body import FiniteBody
 from impactfem.marching.finite_leapfrog import FiniteLeapfrog
-from impactfem.marching.flexible_beam import FlexibleMidpoint
 from impactfem.marching.iterated import Iterated, Resolving
 from impactfem.marching.jointed import Jointed
 from impactfem.marching.jointed_newton import JointedNewton
@@ -28,16 +26,13 @@ from impactfem.marching.layers import ContactGaps, Interior, Stepper
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.leapfrog_bodies import LeapfrogBodies, LevelStepper
 from impactfem.marching.level_march import LevelMarch
-from impactfem.marching.mechanism import MechanismMidpoint
+from impactfem.marching.marched import Marched
 from impactfem.marching.midpoint import Midpoint
-from impactfem.marching.net import NetMidpoint
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
-from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.plate_newton import PlateNewton
 from impactfem.marching.pressing import Pressing
 from impactfem.marching.resting import Resting
-from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
@@ -46,7 +41,6 @@ from impactfem.marching.static_start import Arms
 from impactfem.marching.stations import Held
 from impactfem.marching.time_loop import LoopSettings, TimeLoop
 from impactfem.marching.tipped import TippedMidpoint
-from impactfem.marching.wave_bar import WaveBar
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.solid_choices import fitting_solver
 from impactfem.result.history import MOST_PAIRS
@@ -63,17 +57,6 @@ if TYPE_CHECKING:
 
 
 _LAYERS = 100  # whose way tells how coordinates round
-
-type Marched = (
-    FewMidpoint
-    | WaveBar
-    | RigidMidpoint
-    | MechanismMidpoint
-    | NetMidpoint
-    | FlexibleMidpoint
-    | PlateMidpoint
-)
-"""What marches bodies without meshes."""
 
 Discretised = tuple[SolidPart, SurfaceNodes, Any]
 """A solid, its contact nodes on this rank, and what moves mass off these."""
@@ -384,7 +367,7 @@ def _held(each: Sequence[tuple[Any, Stations]]) -> list[Held]:
     return list(found.values())
 
 
-def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:
+def _size(model: SolidsModel, few: Sequence[Marched], dt: float) -> float:
     """Largest extent of the bodies [m], of bodies without meshes what coordinates round by.
 
     Their places may be 0, and a point has no extent: so their ways count too (collective).

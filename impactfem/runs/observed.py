@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.marching.few import FewInterior, FewMidpoint
+from impactfem.marching.few import FewMidpoint
 from impactfem.marching.flexible_beam import FlexibleMidpoint
+from impactfem.marching.marched import Marched
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import SolidScheme
@@ -66,7 +67,7 @@ class Observed:
     def of(
         cls,
         model: SolidsModel,
-        few: Sequence[FewInterior],
+        few: Sequence[Marched],
         scheme: SolidScheme,
         numbers: MarchNumbers,
         loop: Loop,
@@ -206,14 +207,14 @@ def _of_bar(march: WaveBar) -> LineLooks:
     """Of a bar, which does not turn."""
 
     def seen() -> tuple[float, float | None, float | None]:
-        moved = march.motion(0)["displacement"] @ march.bodies.axis
+        moved = march.shown.motion(0)["displacement"] @ march.bodies.axis
         found = bar_figures(march.bodies.bar, march.nodes, moved[None])
         return 0.0, found["strain_max"], found["strain_99"]
 
     return LineLooks(march.bodies.masses[0], np.full((1, 1), np.nan), seen)
 
 
-def _line_looks(few: Sequence[FewInterior]) -> dict[str, LineLooks]:
+def _line_looks(few: Sequence[Marched]) -> dict[str, LineLooks]:
     """Of the beams and bars among some bodies, by name."""
     found: dict[str, LineLooks] = {}
     for march in few:

@@ -8,7 +8,7 @@ import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.fem import on_root
-from impactfem.marching.few import FewInterior
+from impactfem.marching.marched import Marched
 from impactfem.models.solids import SolidPart, SolidsModel
 
 type Places = Mapping[str, Floats]
@@ -19,7 +19,7 @@ _VALUES = 4_000_000  # numbers that are kept of a run, as far as `_LEAST` allows
 _MARK = "\0"  # no probe has such a name
 
 
-def chosen_places(model: SolidsModel, few: Sequence[FewInterior], layers: int) -> Places:
+def chosen_places(model: SolidsModel, few: Sequence[Marched], layers: int) -> Places:
     """Nodes all over each body that has elements, and its probes (collective).
 
     Args:
@@ -33,7 +33,7 @@ def chosen_places(model: SolidsModel, few: Sequence[FewInterior], layers: int) -
     found = {part.solid.name: _spread(part, count) for part in model.parts}
     meshed = {body.name for body in model.scene.meshed}
     for name, (march, body) in lined.items():
-        nodes = march.material(body)
+        nodes = march.shown.material(body)
         if name not in meshed and (shared := _shared(len(nodes) - 1)) > 1:
             nodes = nodes[:: (len(nodes) - 1) // shared]  # as beams bend between theirs
         found[name] = nodes[np.unique(np.linspace(0, len(nodes) - 1, count).round().astype(int))]
@@ -57,7 +57,7 @@ def _shared(elements: int) -> int:
     return math.gcd(elements, *(max(1, round(elements / factor)) for factor in (2.0, 4.0)))
 
 
-def _lined(model: SolidsModel, few: Sequence[FewInterior]) -> dict[str, tuple[FewInterior, int]]:
+def _lined(model: SolidsModel, few: Sequence[Marched]) -> dict[str, tuple[Marched, int]]:
     """What marches the bodies with elements that are no solids, and their places there."""
     meshed = {body.name for body in model.scene.resized}
     each = [(m, k, name) for m in few for k, name in enumerate(m.bodies.names)]
@@ -103,7 +103,7 @@ class Kept:
     lines: tuple["LinePlaces", ...]
 
     @classmethod
-    def of(cls, places: Places, model: SolidsModel, few: Sequence[FewInterior]) -> "Kept":
+    def of(cls, places: Places, model: SolidsModel, few: Sequence[Marched]) -> "Kept":
         """Find the places in the bodies (collective)."""
         from impactfem.system.located import followed  # noqa: PLC0415  (loads DOLFINx)
 
@@ -116,9 +116,9 @@ class Kept:
                 rows[_MARK + name] = numbers + model.starts[solids[body]], shares
             else:
                 march, at = lined[body]
-                weights = np.zeros((len(points), len(march.material(at))))
+                weights = np.zeros((len(points), len(march.shown.material(at))))
                 for row, point in zip(weights, points, strict=True):
-                    nodes, shares, _ = march.located(at, point)
+                    nodes, shares, _ = march.shown.located(at, point)
                     row[nodes] = shares
                 parts = {"displacement": [str(k) for k in range(points.size)]}
                 lines.append(LinePlaces(_MARK + name, march, at, slice(None), weights, parts))
@@ -149,7 +149,7 @@ class LinePlaces:
     """
 
     name: str
-    march: FewInterior
+    march: Marched
     body: int
     nodes: Integers | slice
     weights: Floats
@@ -157,9 +157,9 @@ class LinePlaces:
 
     def told(self) -> dict[str, dict[str, float]]:
         """Figures of the places now, by first and last part of their columns."""
-        known = self.march.motion(self.body)
+        known = self.march.shown.motion(self.body)
         if "stress" in self.parts:
-            known = known | {"stress": self.march.stress(self.body)[:, None]}
+            known = known | {"stress": self.march.shown.stress(self.body)[:, None]}
         found: dict[str, float] = {}
         for quantity, parts in self.parts.items():
             values = self.weights @ known[quantity][self.nodes]

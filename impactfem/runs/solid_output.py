@@ -15,8 +15,8 @@ from impactfem.contact.watch import penetration_of_others
 from impactfem.errors import SceneError
 from impactfem.fem import cell_nodes, on_root
 from impactfem.marching.collect import Collector
-from impactfem.marching.few import FewInterior
 from impactfem.marching.layers import ContactGaps
+from impactfem.marching.marched import Marched
 from impactfem.marching.rows import Level
 from impactfem.mesh.body import BodyMesh
 from impactfem.models.solids import SolidsModel
@@ -44,7 +44,7 @@ class Followed:
     components: Mapping[str, int]
 
 
-def followed(march: FewInterior, among: slice) -> list[Followed]:
+def followed(march: Marched, among: slice) -> list[Followed]:
     """Bodies without meshes as they are marched: balls, and axes between nodes.
 
     Args:
@@ -54,10 +54,10 @@ def followed(march: FewInterior, among: slice) -> list[Followed]:
 
     def one(body: int, name: str) -> Followed:
         def motion(level: Level) -> dict[str, Floats]:
-            forces = march.acting(body, level.nodal_forces[among])
-            return march.motion(body) | {"contact_force": forces}
+            forces = march.shown.acting(body, level.nodal_forces[among])
+            return march.shown.motion(body) | {"contact_force": forces}
 
-        return Followed(march.drawn(body, name), motion, march.components)
+        return Followed(march.shown.drawn(body, name), motion, march.shown.components)
 
     return [one(body, name) for body, name in enumerate(march.bodies.names)]
 

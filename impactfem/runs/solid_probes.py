@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats, Integers
-from impactfem.marching.few import FewInterior
+from impactfem.marching.marched import Marched
 from impactfem.marching.rows import Level
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
@@ -27,7 +27,7 @@ Told = Callable[[], Mapping[str, Mapping[str, float]]]
 """Tells figures of a level by first and last part of their columns."""
 
 
-def _on_lines(model: SolidsModel, few: Sequence[FewInterior]) -> list[Told]:
+def _on_lines(model: SolidsModel, few: Sequence[Marched]) -> list[Told]:
     """Probes of bodies without meshes: between two of their nodes, linearly.
 
     Raises:
@@ -41,9 +41,9 @@ def _on_lines(model: SolidsModel, few: Sequence[FewInterior]) -> list[Told]:
             if probe.body not in march.bodies.names:
                 continue
             body = march.bodies.names.index(probe.body)
-            nodes, shares, inside = march.located(body, np.array(probe.point, dtype=float))
+            nodes, shares, inside = march.shown.located(body, np.array(probe.point, dtype=float))
             if not inside:
-                raise outside(index, probe, shares @ march.material(body)[nodes])
+                raise outside(index, probe, shares @ march.shown.material(body)[nodes])
             parts = {name: known[name] for name in probe.watched}
             places = LinePlaces(probe.name, march, body, nodes, shares[None], parts)
             found.append(places.told)
@@ -84,7 +84,7 @@ class SolidProbes:
         cls,
         march: TimeLoop[Any],
         model: SolidsModel,
-        few: Sequence[FewInterior] = (),
+        few: Sequence[Marched] = (),
         joined: Sequence[Told] = (),
         kept: Kept | None = None,
     ) -> "SolidProbes":

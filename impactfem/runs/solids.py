@@ -20,11 +20,12 @@ from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
 from impactfem.marching.few import FewMidpoint
 from impactfem.marching.flexible_beam import FlexibleMidpoint
+from impactfem.marching.marched import Marched
 from impactfem.marching.mechanism import MechanismMidpoint
 from impactfem.marching.net import NetMidpoint
 from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.plate_newton import PlateNewton
-from impactfem.marching.rigid_body import RigidMidpoint, RodMidpoint
+from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import scheme_of
 from impactfem.marching.wave_bar import WaveBar
@@ -32,7 +33,7 @@ from impactfem.models.solids import SolidsModel, solids_model
 from impactfem.result.history import write_csv
 from impactfem.result.store import PARTIAL, SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
-from impactfem.runs.loops import Marched, make_loop
+from impactfem.runs.loops import make_loop
 from impactfem.runs.observed import Observed, Observer
 from impactfem.runs.run import Checkpointing, checkpoint_every
 from impactfem.runs.samples import Places
@@ -59,7 +60,7 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     Lumped: FewMidpoint,
     ElasticBar: WaveBar,
     Rigid: RigidMidpoint,
-    RigidRod: RodMidpoint,
+    RigidRod: RigidMidpoint,
     Arm: MechanismMidpoint,
     Net: NetMidpoint,
     FlexibleBeam: FlexibleMidpoint,
@@ -70,7 +71,7 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
 _STEPPERS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     **_INTERIORS,
     Rigid: partial(RigidMidpoint, exact=True),
-    RigidRod: partial(RodMidpoint, exact=True),
+    RigidRod: partial(RigidMidpoint, exact=True),
     Arm: partial(MechanismMidpoint, exact=True),
     PlateSystem: PlateNewton,
 }
