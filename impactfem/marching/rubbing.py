@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.friction_many import Accuracy
-from impactfem.contact.friction_newton import ConeProblem, Springs
+from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import Solving, solve
 from impactfem.contact.layer_law import Layer, LayerContact, keeping, solve_layer
 from impactfem.contact.rooted import Matrix, full
@@ -281,7 +281,6 @@ def obeying(
     start: Floats,
     law: Friction | None,
     how: Solving,
-    springs: Springs | None = None,
 ) -> Floats:
     """Forces in some gaps for which the law of contact and friction holds, (rows, ways).
 
@@ -292,14 +291,13 @@ def obeying(
         start: Forces to begin with [N], (rows, ways).
         law: Coulomb's; None without, where only normal forces are.
         how: How it is solved.
-        springs: In these gaps; None without any.
 
     Raises:
         ConvergenceError: They were not found.
     """
     none = np.zeros(len(rows))
     mu = none if law is None else law.coefficients[rows]
-    return solve(ConeProblem(matrix, offset, mu, none, springs=springs), start, how)[0]
+    return solve(ConeProblem(matrix, offset, mu, none), start, how)[0]
 
 
 def told(directions: Floats, force: Floats, way: Floats) -> tuple[Floats, Floats]:

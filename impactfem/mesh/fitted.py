@@ -44,10 +44,10 @@ def distinct(fronts: list[Front]) -> list[Front]:
     return kept
 
 
-def same_phase(a: float, b: float, tolerance: float = MERGED) -> bool:
-    """Whether two phases agree within a tolerance."""
+def same_phase(a: float, b: float) -> bool:
+    """Whether two phases agree but for rounding."""
     apart = abs(a - b) % _PERIOD
-    return min(apart, _PERIOD - apart) <= tolerance
+    return min(apart, _PERIOD - apart) <= MERGED
 
 
 def time_lines(times: Floats, end: float) -> Lines:

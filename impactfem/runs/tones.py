@@ -17,8 +17,8 @@ _COUNT = 12
 _RIGID = 1e-6  # of the largest of the squares, below which motions are rigid
 
 
-def natural_frequencies(scene: Scene, name: str, count: int = _COUNT) -> Floats:
-    """Lowest natural frequencies of a body without contact and rigid motions [Hz], (<= count,).
+def natural_frequencies(scene: Scene, name: str) -> Floats:
+    """The 12 lowest natural frequencies of a body without contact and rigid motions [Hz].
 
     Of beams, plates and solids those of the mesh, without damping and large strains, as they are
     held; of uniform bars the exact ones.
@@ -26,7 +26,6 @@ def natural_frequencies(scene: Scene, name: str, count: int = _COUNT) -> Floats:
     Args:
         scene: The scene.
         name: Of the body.
-        count: How many.
 
     Raises:
         SceneError: There is no such body, or it has none.
@@ -42,7 +41,7 @@ def natural_frequencies(scene: Scene, name: str, count: int = _COUNT) -> Floats:
             f"spectrum: {show(name)} is a {body.kind}, which has no modes of its own here: give a "
             "bar, beam, plate or solid"
         )
-    return told(scene, body, count)
+    return told(scene, body, _COUNT)
 
 
 def _of_beam(_: Scene, beam: Beam, count: int) -> Floats:

@@ -54,9 +54,7 @@ class Episode:
         return bool(self.last_contact < 0.8 * self.end)
 
 
-def contact_episode(
-    body: FreeBeam, system: LinearSystem, motion: Trajectory, pause: float | None = None
-) -> Episode:
+def contact_episode(body: FreeBeam, system: LinearSystem, motion: Trajectory) -> Episode:
     """Judge the first episode of contact of a beam, without gravity.
 
     Args:
@@ -64,10 +62,8 @@ def contact_episode(
         system: Its system, without tips.
         motion: Motion of the system, or of it with tips (`with_tips`), with rows at a stride that
             is short against the pause.
-        pause: Time without force that parts two micro-impacts [s]; `PAUSE` periods if None.
     """
-    period = 2.0 * math.pi / body.beam.first_frequency
-    pause = PAUSE * period if pause is None else pause
+    pause = PAUSE * 2.0 * math.pi / body.beam.first_frequency  # that parts two micro-impacts
     times, pushed = motion.times, motion.impulse
     touched = np.flatnonzero((pushed > 0.0).any(axis=1))
     first = int(np.argmax(pushed[touched[0]])) if len(touched) else int(np.argmin(motion.gap[0]))

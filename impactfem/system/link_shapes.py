@@ -65,9 +65,7 @@ class LinkShape:
         return Convex.of(self.nodes - self.middle, float(self.radius.max()))
 
 
-def coarser(
-    shapes: Sequence[LinkShape], leave: Callable[[str], None], most: int = _CORNERS
-) -> list[LinkShape]:
+def coarser(shapes: Sequence[LinkShape], leave: Callable[[str], None]) -> list[LinkShape]:
     """Shapes with fewer corners, where the hulls of those that move have more than are followed.
 
     Corners are taken where what is left stands out farthest, in evenly spread directions.
@@ -75,10 +73,9 @@ def coarser(
     Args:
         shapes: Of all links.
         leave: Is told what is left out.
-        most: Corners of all hulls together.
     """
     hulls = [k for k, s in enumerate(shapes) if s.joint and s.ends is None and len(s.nodes) > 8]
-    if sum(len(shapes[k].nodes) for k in hulls) <= most:
+    if sum(len(shapes[k].nodes) for k in hulls) <= _CORNERS:
         return list(shapes)
     turn = np.arange(_LOOKS) + 0.5
     high, angle = 1.0 - 2.0 * turn / _LOOKS, np.pi * (1.0 + np.sqrt(5.0)) * turn
@@ -90,7 +87,7 @@ def coarser(
         each.max(axis=0) - each[own].max(axis=0) for each, own in zip(reach, kept, strict=True)
     ]
     worst = np.array([each.max() for each in lacks])
-    for _ in range(most - sum(map(len, kept))):
+    for _ in range(_CORNERS - sum(map(len, kept))):
         k = int(np.argmax(worst))
         if worst[k] <= 0.0:
             break
