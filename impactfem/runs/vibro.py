@@ -325,10 +325,11 @@ def vibro_history(
     struck = motion.impulse.copy()
     struck[1:] -= motion.contact_force[1:] * np.diff(motion.times)[:, None]
     struck[struck < _TRACE * motion.impulse] = 0.0
+    touches = motion.gap.shape[1] > 0
     history = make_history(
         Columns(
             time=motion.times,
-            gap=motion.gap.min(axis=1),
+            gap=motion.gap.min(axis=1) if touches else np.full(len(motion.times), np.nan),
             contact_force=motion.contact_force.sum(axis=1) + 0.0,
             kinetic_energy=motion.kinetic,
             elastic_energy=elastic,

@@ -180,6 +180,17 @@ def test_restitution_and_damping_from_a_record():
     assert found.parameters["c"].value == pytest.approx(0.1, abs=1e-6)
 
 
+def test_nothing_that_may_be_touched():
+    """A bob on a free hinge, turned by a moment p: q = p t^2 / (2 (I + m r^2))."""
+    free = swung()
+    free["joint"][0] |= {"motor": "p"}
+    del free["joint"][0]["limits"], free["joint"][0]["restitution"]
+    free["parameter"] = [{"name": "p", "start": 0.1}]
+    found = impactfem.gradient(Scene.from_dict(free))
+    assert found.trusted
+    assert found.gradient["p"] == pytest.approx(0.5 / ABOUT, rel=1e-9)
+
+
 class TestRefused:
     def test_steps_have_no_slopes(self):
         with pytest.raises(SceneError, match="no derivatives that are right: use no method"):
