@@ -1,6 +1,7 @@
 """Checks of a row of bars, or one without a wall: order, overlap, ends, what they do not know."""
 
 from itertools import pairwise
+from typing import Any
 
 from impactfem.scene.bodies import Bar
 from impactfem.scene.content import Content
@@ -85,11 +86,28 @@ def _check_obstacles(scene: Content) -> None:
         raise KeyedError("obstacle", "", f" = {shown} is not allowed: {why}; give one or none.")
 
 
+def check_apart(scene: Content) -> None:
+    """Refuse bars that overlap on the axis, in any order, where all may meet.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    known: list[tuple[Any, int]] = [(bar, k) for k, bar in enumerate(scene.bodies) if bar.waves]
+    known.sort(key=lambda each: each[0].gap + float(each[0].displacement(x=0.0)))
+    for (before, _), (bar, index) in pairwise(known if not scene.contacts else ()):
+        _check_overlap(before, bar, index)
+
+
 def _check_order(before: Bar, bar: Bar, index: int) -> None:
     """Refuse a bar that begins before the end of its predecessor, or behind one that is held."""
     if before.far_end == "clamped":
         text = ' = "clamped" holds a bar in the middle of the row: only the last one may be '
         raise KeyedError(f"body[{index - 1}]", "far_end", f"{text}clamped, remove it.")
+    _check_overlap(before, bar, index)
+
+
+def _check_overlap(before: Bar, bar: Bar, index: int) -> None:
+    """Refuse a bar that begins before the end of its predecessor."""
     end = before.gap + before.length + float(before.displacement(x=before.length))
     start = bar.gap + float(bar.displacement(x=0.0))
     if start < end - _ROUNDING * max(abs(start), abs(end)):

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from impactfem.methods import METHODS
 from impactfem.scene.bar_checks import check_drive
-from impactfem.scene.bar_row_checks import check_bar_row, check_walls
+from impactfem.scene.bar_row_checks import check_apart, check_bar_row, check_walls
 from impactfem.scene.body import Solver
 from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
@@ -84,6 +84,8 @@ def check_scene(scene: Content, gravity: object) -> None:
         _check_bar(scene, gravity)
     else:
         check_dimensions(scene)
+        if scene.dim == 1:
+            check_apart(scene)
         _check_bodies(scene)
         check_obstacles(scene)
         check_gravity(scene, gravity)
