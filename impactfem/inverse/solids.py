@@ -126,13 +126,13 @@ class SolidRuns:
                         "by the displacement of the body or the point of the obstacle, not the "
                         f"shape of {body.name}"
                     )
-            if isinstance(body, Plate) and isinstance(other, Plate):
-                theories = [each.theory_beside(scene.bodies) for each in (body, other)]
-                if len({*theories}) > 1:
-                    raise SceneError(
-                        f"body[{k}].theory: {body.name} passes from {' to '.join(theories)} as its "
-                        "thickness varies, which no derivative crosses: give one of them"
-                    )
+            known = [each for each in (body, other) if hasattr(each, "theory_beside")]
+            theories = [each.theory_beside(scene.bodies) for each in known]
+            if len({*theories}) > 1:
+                raise SceneError(
+                    f"body[{k}].theory: {body.name} passes from {' to '.join(theories)} as its "
+                    "thickness varies, which no derivative crosses: give one of them"
+                )
         scene = strained(_plain(scene), self.chosen)
         return prepare(scene, self.chosen, Progress(), model=self.model.beside(scene))
 
