@@ -202,8 +202,12 @@ def _hint(name: str, known: list[str], own: str) -> str:
     homes = [] if name == "kind" else _homes(name)  # each kind of table has kinds of its own
     if TOP in homes and own != TOP:
         return "it belongs to the top of the file; move it before the first table."
+    within = [part for part in ("shape", "outline") if part in known]
+    drawn = next((p for p in within if any(h.startswith(f"{p} = ") for h in homes)), None)
     near = nearest(name, known)
     meant = f'did you mean "{near}"?' if near else "remove it."
+    if drawn:
+        meant = f"or write it into what is drawn: {drawn} = {{ kind = ..., {name} = ... }}."
     siblings = [heading for heading in homes if _family(heading) == _family(own)]
     if siblings:
         kinds = " or ".join(show(_TABLES[heading].kind) for heading in siblings)  # type: ignore[attr-defined]

@@ -90,6 +90,10 @@ CASES = {
         {"body.0.length": 1},
         ["body[0].length", 'only kind = "bar" or "rod" or "beam" has it'],
     ),
+    "key of a shape": (
+        {"body.0.radius": 1},
+        ["body[0].radius = 1", "shape = { kind = ..., radius = ... }"],
+    ),
     "key of a body": ({"solve.mesh_size": 1}, ["solve.mesh_size", '[[body]] with kind = "solid"']),
     "key of a solid": (
         {**OF_BAR, "body.0.mesh_size": 0.1},
