@@ -50,7 +50,9 @@ def held(dt):
 def test_what_is_held_swings_as_its_equations_have_it_to_second_order():
     """M u'' + K u + k S^T S u = f with H u = 0, by the modes in the null space of H."""
     system = solids_model(held(2e-5), (1,), updated=True).parts[0].system
-    stiff = system.stiffness.copy().convert("dense").getDenseArray().copy()
+    # Named, as older petsc4py does not keep a matrix for its array.
+    dense = system.stiffness.copy().convert("dense")
+    stiff = dense.getDenseArray().copy()
     places, masses = system.positions, np.repeat(system.node_mass, 2)
 
     def means(axis, value):
