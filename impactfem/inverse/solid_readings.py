@@ -383,10 +383,8 @@ class Numbers:
 
     def _on_contact(self, nodes: Floats) -> Floats:
         """Values of the contact nodes (count, dim) on all owned dofs, 0 where held."""
-        ends = np.cumsum(
-            [0, *(self._ready.seen.model.surface(k).count for k in range(len(self._inner)))]
-        )
-        each = zip(self._inner, pairwise(ends.tolist()), strict=True)
+        counts = [self._ready.seen.model.surface(k).count for k in range(len(self._inner))]
+        each = zip(self._inner, pairwise(np.cumsum([0, *counts]).tolist()), strict=True)
         return np.concatenate([part.on_contact(nodes[slice(*own)]) for part, own in each])
 
     def _energies_by(self, placed: Floats, velocity: Floats) -> tuple[Floats, Floats]:
@@ -415,9 +413,8 @@ class Numbers:
             pulled: K u_b.
         """
         before, none = max(level - 1, 0), np.zeros_like(self._march.interior.surface_displacement)
-        pressing = self._kept.trail.multiplier
         for each in (level, before):
-            nodes = self._march.gaps.spread(pressing[each][:, None] * self._march.normals)
+            nodes = self._pressing(each)
             self._strain(each, np.zeros_like(pulled), none, 0.5 * weight * nodes)
             pressed = self._on_contact(self._march.interior.static(nodes))
             self._products(each, 0.25 * weight * pressed, pressed, stiff=True)
@@ -443,10 +440,12 @@ class Numbers:
 
     def _unpressed(self, level: int, placed: Floats) -> Floats:
         """Displacements of a level without what multipliers press contact nodes by, (dofs,)."""
-        pressing = self._kept.trail.multiplier[level][:, None] * self._march.normals
-        return placed - self._on_contact(
-            self._march.interior.static(self._march.gaps.spread(pressing))
-        )
+        return placed - self._on_contact(self._march.interior.static(self._pressing(level)))
+
+    def _pressing(self, level: int) -> Floats:
+        """Forces of the multipliers of a level on the contact nodes [N], (count, dim)."""
+        multiplier = self._kept.trail.multiplier[level]
+        return np.asarray(self._march.gaps.spread(multiplier[:, None] * self._march.normals))
 
 
 def _add(to: Floats, more: Floats) -> None:

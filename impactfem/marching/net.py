@@ -130,14 +130,17 @@ class NetMidpoint(FewInterior):
         """Loads and forces of the springs at t = 0 at some coordinates [N], (d,)."""
         ways, long = self._ways(self.bodies.places(q))
         pulled = self._gathered((self._springs * (1.0 - self._lengths / long))[:, None] * ways)
-        return np.asarray(pulled[self.bodies.free].ravel() + self._loads(0.0, 0.0))
+        loads = self._loads(0.0, 0.0, self._drive(0.0, 0.0))
+        return np.asarray(pulled[self.bodies.free].ravel() + loads)
 
-    def _loads(self, start: float, end: float) -> Floats:
-        """Gravity and forces in a step [N], (d,)."""
-        self._driving = self._applied
-        if self._forces:
-            self._driving = self._applied + [mean(start, end) for mean in self._forces]
-        pull = self.gravity(start, end) + self._driving / self.bodies.masses[0]
+    def _drive(self, start: float, end: float) -> Floats:
+        """Forces on all of it in a step [N], (dim,)."""
+        means = [mean(start, end) for mean in self._forces]
+        return self._applied + means if means else self._applied
+
+    def _loads(self, start: float, end: float, drive: Floats) -> Floats:
+        """Gravity and forces on all of it in a step [N], (d,)."""
+        pull = self.gravity(start, end) + drive / self.bodies.masses[0]
         return self._mass * np.tile(pull, len(self.bodies.free))
 
     def apply(self, body: int, force: Floats, moment: Floats) -> bool:  # noqa: ARG002  (it is one)
@@ -262,7 +265,8 @@ class NetMidpoint(FewInterior):
     def begin(self, start: float, end: float) -> None:
         """Solve the layer without forces of contact and joints."""
         self.span, self._time = step_length(start, end, self.dt), 0.5 * (start + end)
-        self._weight = self._loads(start, end)
+        self._driving = self._drive(start, end)
+        self._weight = self._loads(start, end, self._driving)
         self._pushed = self._joined = self._kick = np.zeros_like(self._v)
         self._begun = None
         if self._led is not None:

@@ -148,25 +148,23 @@ def _shares(weights: dict[int, float]) -> dict[int, float]:
 
 def averaged(transfer: Any, values: Floats) -> Floats:
     """P v of owned values: massless nodes have the means of their neighbours, held dofs 0."""
-    if transfer is None:
-        return values.copy()
-    given, moved = transfer.createVecs()
-    given.setArray(values)
-    transfer.mult(given, moved)
-    found = np.array(moved.getArray())
-    given.destroy()
-    moved.destroy()
-    return found
+    return _through(transfer, values, back=False)
 
 
 def transferred(transfer: Any, values: Floats) -> Floats:
     """P^T f of owned values: what belongs to massless nodes goes to their neighbours."""
+    return _through(transfer, values, back=True)
+
+
+def _through(transfer: Any, values: Floats, *, back: bool) -> Floats:
+    """P or P^T times owned values; the same values where every node has its mass."""
     if transfer is None:
         return values.copy()
-    given, moved = transfer.createVecs(side="left"), transfer.createVecs(side="right")
+    right, left = transfer.createVecs()
+    given, found = (left, right) if back else (right, left)
     given.setArray(values)
-    transfer.multTranspose(given, moved)
-    found = np.array(moved.getArray())
+    (transfer.multTranspose if back else transfer.mult)(given, found)
+    result = np.array(found.getArray())
     given.destroy()
-    moved.destroy()
-    return found
+    found.destroy()
+    return result
