@@ -62,11 +62,16 @@ class Ties:
 
     def __init__(self, scene: Scene, parts: Sequence["SolidPart"]) -> None:
         """Take the solids, which may not all be there yet."""
-        self._scene, self._parts = scene, parts
+        self._scene = scene
+        self._parts = parts if scene.ties else ()
 
     @cached_property
     def _each(self) -> dict[str, _Glued]:
-        return {tie.name: self._glued(index) for index, tie in enumerate(self._scene.ties)}
+        found = {tie.name: self._glued(index) for index, tie in enumerate(self._scene.ties)}
+        # These hold this in turn: in a circle, meshes would keep their communicators, of which MPI
+        # has about 2000, until Python looks for circles.
+        self._parts = ()
+        return found
 
     @property
     def places(self) -> dict[str, tuple[TiedPlace, ...]]:
