@@ -6,6 +6,7 @@ from typing import Any
 
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
+from impactfem.models.falls import fall
 from impactfem.scene import Mechanism, Scene
 from impactfem.scene.schema import KeyedError
 from impactfem.system.inverse_kinematics import Found
@@ -84,6 +85,7 @@ def kinematics(scene: Scene) -> tuple[Kinematics, ...]:
         SceneError: There is none, or a file or key of one is wrong.
         MissingDependencyError: Pinocchio is not installed.
     """
+    fall(scene)
     found = [
         _of(scene, body, f"body[{index}]")
         for index, body in enumerate(scene.bodies)

@@ -44,6 +44,10 @@ def plan(scene: Scene) -> Plan[Any]:
         SceneError: The settings cannot work, or need more memory than the machine has.
         MeshError: The mesh cannot be made.
     """
+    if scene.drop is not None:
+        from impactfem.models.falls import fall  # noqa: PLC0415  (loads Pinocchio)
+
+        fall(scene)
     made = PLANNERS[scene.solver](scene)
     film, why = choose_film(scene, made.seconds)
     return replace(

@@ -1,14 +1,14 @@
 """Drops: bodies turned, placed where they touch first, with the speed of a fall."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.scene.fallers import Move, curves, outline, place
+from impactfem.scene.fallers import Curves, Move, Outline, Reach, place, reach_of
 from impactfem.scene.given import MaybeTable
 from impactfem.scene.inline import InlineTable
 from impactfem.scene.kinds import Real
@@ -23,6 +23,7 @@ type Floats = NDArray[np.float64]
 
 _LEFT = 4e-15  # share of the sizes that a gap may be left open
 _STEPS = 100_000
+_FLAT = 1e-300  # what a circle along a surface reaches towards it [m]
 _TURNS = 60  # looks for where an ellipsoid is nearest to what is round
 
 
@@ -32,7 +33,7 @@ class Drop:
 
     All bodies are turned together about the middle of them, moved along gravity until the first of
     them touches an obstacle, and get sqrt(2 g height) along gravity besides their own velocities.
-    Joints, springs and probes go along.
+    Joints, springs and probes go along. Mechanisms fall as their joints begin.
 
     Raises:
         SceneError: a value is not allowed.
@@ -48,12 +49,13 @@ class Drop:
     )
 
 
-def dropped(scene: "Scene", drop: Drop) -> dict[str, Any]:
+def dropped(scene: "Scene", drop: Drop, reach: Mapping[str, Reach]) -> dict[str, Any]:
     """Tables of a scene that starts where a drop ends.
 
     Args:
         scene: As drawn.
         drop: How it falls.
+        reach: How far bodies reach whose files are read elsewhere, by name.
 
     Raises:
         KeyedError: It cannot fall so.
@@ -61,8 +63,10 @@ def dropped(scene: "Scene", drop: Drop) -> dict[str, Any]:
     down = _down(scene)
     turn = _turn(drop, scene.dim)
     bodies = [body for body in scene.bodies if not body.attached]
-    outlines = [outline(body, Path(scene.folder or "")) for body in bodies]
-    round_ones = [each for body in bodies for each in curves(body)]
+    folder = Path(scene.folder or "")
+    reaches = [reach.get(body.name) or reach_of(body, folder) for body in bodies]
+    outlines = [each for each, _ in reaches]
+    round_ones = [each for _, own in reaches for each in own]
     boxes = [(nodes, r[:, None]) for nodes, r in outlines]
     boxes += [(at[None], np.linalg.norm(axes, axis=1)[None]) for at, axes in round_ones]
     low = np.min([(at - half).min(axis=0, initial=np.inf) for at, half in boxes], axis=0)
@@ -135,17 +139,17 @@ def _turn(drop: Drop, dim: int) -> Floats:
     return drop.orientation.matrix(dim)
 
 
-def _turned(outline: tuple[Floats, Floats], turn: Floats, pivot: Floats) -> tuple[Floats, Floats]:
+def _turned(outline: Outline, turn: Floats, pivot: Floats) -> Outline:
     nodes, radius = outline
     return pivot + (nodes - pivot) @ turn.T, radius
 
 
 def _nearest(obstacle: Any, centre: Floats, axes: Floats) -> float:
-    """Gap of an ellipsoid with half axes by columns, by the normal where it is nearest [m]."""
+    """Gap of an ellipsoid or a circle, by the normal where it is nearest [m]."""
     normal = obstacle.gap(centre[None])[1][0]
     for _ in range(_TURNS):
         along = axes.T @ normal
-        there = centre - axes @ along / np.linalg.norm(along)
+        there = centre - axes @ along / max(float(np.linalg.norm(along)), _FLAT)
         gap, found = obstacle.gap(there[None])
         if np.abs(found[0] - normal).max() <= _LEFT:
             break
@@ -154,7 +158,7 @@ def _nearest(obstacle: Any, centre: Floats, axes: Floats) -> float:
 
 
 def _way(
-    scene: "Scene", nodes: Floats, radius: Floats, round_ones: Sequence[tuple[Floats, Floats]],
+    scene: "Scene", nodes: Floats, radius: Floats, round_ones: Curves,
     down: Floats, size: float,
 ) -> float:  # fmt: skip
     """How far bodies go along gravity to their first touch [m].

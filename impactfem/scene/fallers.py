@@ -14,6 +14,7 @@ from impactfem.reading.opening import STEP, Job, opened
 from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.boundary import SPACE
 from impactfem.scene.formula import Formula
+from impactfem.scene.mechanism import Mechanism
 from impactfem.scene.mesh_files import MESH_FILES
 from impactfem.scene.plate import Plate
 from impactfem.scene.points import Point
@@ -27,6 +28,12 @@ from impactfem.scene.values import show
 
 type Outline = tuple[Floats, Floats]
 """Centres (n, dim) and radii (n,) of balls that reach as far as a body [m]."""
+
+type Curves = list[tuple[Floats, Floats]]
+"""Centres (3,) and half axes by columns (3, 3) of ellipsoids [m]; of circles the last one is 0."""
+
+type Reach = tuple[Outline, Curves]
+"""How far a body reaches."""
 
 _AROUND = 3600  # places of a circle that may touch
 _ACROSS = 101  # places along a plate that may touch
@@ -55,7 +62,7 @@ class Move:
         return [float(each) for each in turned]
 
 
-def outline(body: Any, folder: Path) -> Outline:
+def reach_of(body: Any, folder: Path) -> Reach:
     """How far a body reaches.
 
     Raises:
@@ -71,7 +78,7 @@ def outline(body: Any, folder: Path) -> Outline:
         if not getattr(support, "mirrors", False) and getattr(support, "kind", "") != "free":
             text = f": {body.name} has supports, and what is held does not fall; leave drop out."
             raise KeyedError("drop", "height", text)
-    return faller.outline(body, folder)
+    return faller.outline(body, folder), faller.curves(body)
 
 
 def place(body: Any, tables: dict[str, Any], move: Move, velocity: Floats) -> None:
@@ -93,18 +100,32 @@ def _of_form(form: Form, at: Floats, turn: Floats) -> Outline:
     """Of a shape that is turned about a place."""
     nodes, radius = form.nodes, form.radius
     if len(form.rim):
-        sizes = np.linalg.norm(form.rim, axis=1)
-        rims = np.unique(np.column_stack([nodes, sizes, radius, form.axis]), axis=0)
+        centres, axes = _rims(form)
         angles = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
-        ways = np.linalg.svd(rims[:, None, 5:])[2][:, 1:]  # across each axis
-        circles = np.einsum("ka,rkd->rad", [np.cos(angles), np.sin(angles)], ways)
-        nodes = (rims[:, None, :3] + rims[:, 3, None, None] * circles).reshape(-1, 3)
-        radius = np.repeat(rims[:, 4], _AROUND)
+        around = np.stack([np.cos(angles), np.sin(angles)])
+        circles = np.swapaxes(axes[..., :2] @ around, 1, 2).reshape(-1, 3)
+        nodes = np.concatenate([nodes, np.repeat(centres, _AROUND, axis=0) + circles])
+        radius = np.concatenate([radius, np.zeros(len(circles))])
     return at + (nodes - at) @ turn.T, radius
 
 
+def _rims(form: Form) -> tuple[Floats, Floats]:
+    """Centres (n, 3) and half axes by columns (n, 3, 3) of the rims of a shape [m]."""
+    rims = np.column_stack([form.nodes, np.linalg.norm(form.rim, axis=1), form.axis])
+    rims = np.unique(rims[rims[:, 3] > 0.0], axis=0)
+    return rims[:, :3], flat(rims[:, 4:], rims[:, 3])
+
+
+def flat(normals: Floats, radii: Floats) -> Floats:
+    """Half axes by columns of circles, (n, 3, 3), with some normals (n, 3) and radii (n,)."""
+    ways = np.linalg.svd(normals[:, None])[2][:, 1:]
+    axes = np.zeros((len(normals), 3, 3))
+    axes[..., :2] = radii[:, None, None] * np.swapaxes(ways, 1, 2)
+    return axes
+
+
 def _of_rigid(body: RigidBody, _: Path) -> Outline:
-    """Nodes of its parts but ellipsoids, which `curves` tells."""
+    """Nodes of its parts but ellipsoids, which `_curves_of` tells."""
     if not body.is_curved:
         return _of_form(body.form, body.center, body.rotation)
     each = [_of_form(part, body.center, body.rotation) for part in body.parts if not part.curved]
@@ -112,14 +133,15 @@ def _of_rigid(body: RigidBody, _: Path) -> Outline:
     return np.concatenate(nodes), np.concatenate(radius)
 
 
-def curves(body: Any) -> list[tuple[Floats, Floats]]:
-    """Centres (3,) and half axes by columns (3, 3) of ellipsoids that are parts of a body [m]."""
-    if not body.is_curved:
+def _curves_of(body: RigidBody) -> Curves:
+    """Ellipsoids that are parts of a rigid body, and its rims."""
+    if body.dim != 3:
         return []
     at, turn = np.asarray(body.center), body.rotation
-    return [
-        (at + turn @ (part.centre - at), turn * part.radii) for part in body.parts if part.curved
-    ]
+    found = [(part.centre, np.diag(part.radii)) for part in body.parts if part.curved]
+    if len(body.form.rim):
+        found += zip(*_rims(body.form), strict=True)
+    return [(at + turn @ (centre - at), turn @ axes) for centre, axes in found]
 
 
 def _of_net(body: SpringNet, folder: Path) -> Outline:
@@ -214,6 +236,15 @@ def _move_rigid(body: RigidBody, tables: dict[str, Any], move: Move) -> None:
     if move.turns:
         _orient(body, tables, move)
     _shift(tables, np.asarray(move.point(body.center)) - body.center)
+
+
+def _move_mechanism(body: Mechanism, tables: dict[str, Any], move: Move) -> None:
+    tables["position"] = move.point(body.position)
+    if move.turns:
+        turn = np.eye(3) if body.orientation is None else body.orientation.matrix(3)
+        tables["orientation"] = _oriented(move.turn @ turn)
+    if body.place is not None:
+        tables["place"] = {**tables["place"], "target": move.point(body.place.target)}
 
 
 def _move_solid(body: Solid, tables: dict[str, Any], move: Move) -> None:
@@ -395,6 +426,15 @@ def _plus(given: float | str, more: float) -> float | str:
     return f"{more!r} + ({given})" if isinstance(given, str) else given + more
 
 
+def _no_curves(_: Any) -> Curves:
+    return []
+
+
+def _of_file(body: Mechanism, _: Path) -> Outline:
+    """Of what is told with the drop, by who reads its file."""
+    raise AssertionError(body.file)
+
+
 class _Faller(NamedTuple):
     """How a kind of body falls.
 
@@ -402,21 +442,22 @@ class _Faller(NamedTuple):
         outline: Balls that reach as far as it.
         move: Turns and moves its tables.
         speed: Adds a velocity to them.
+        curves: What else reaches as far as it.
     """
 
     outline: Callable[[Any, Path], Outline]
     move: Callable[[Any, dict[str, Any], Move], None]
     speed: Callable[[Any, dict[str, Any], Floats], None] = _add
+    curves: Callable[[Any], Curves] = _no_curves
 
 
 _FALLERS: Mapping[type[Any], _Faller] = {
     Point: _Faller(_of_point, _move_point),
-    RigidBody: _Faller(
-        _of_rigid, _move_rigid
-    ),
+    RigidBody: _Faller(_of_rigid, _move_rigid, curves=_curves_of),
     Solid: _Faller(_of_solid, _move_solid),
     SpringNet: _Faller(_of_net, _move_net),
     Rod: _Faller(_of_rod, _move_slender),
     Beam: _Faller(_of_beam, _move_slender),
     Plate: _Faller(_of_plate, _move_plate, _add_along_normal),
+    Mechanism: _Faller(_of_file, _move_mechanism),
 }  # fmt: skip

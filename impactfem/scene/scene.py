@@ -26,6 +26,7 @@ from impactfem.scene.controllers import MAX_CONTROLLERS, Controller, fed_back
 from impactfem.scene.couplings import SpringElement
 from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.drop import Drop, dropped
+from impactfem.scene.fallers import Reach
 from impactfem.scene.grammar import FOLDER, naming
 from impactfem.scene.inline import plain
 from impactfem.scene.inverse import (
@@ -102,17 +103,22 @@ class Scene(Content):
         self._start_parameters()
         if not self.bars and not isinstance(self.gravity, PiecewiseVector):
             object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * self.dim,)))
-        if self.drop is not None:
-            self._fall(self.drop)
+        if self.drop is not None and not self.mechanisms:
+            self.fall()
 
-    def _fall(self, drop: Drop) -> None:
-        """Start where a drop ends.
+    def fall(self, reach: Mapping[str, Reach] | None = None) -> None:
+        """Start where its drop ends, which scenes with mechanisms leave to who reads their files.
+
+        Args:
+            reach: How far the mechanisms reach, by name.
 
         Raises:
             SceneError: It cannot fall so.
         """
+        if self.drop is None:
+            return
         given = self.to_dict()
-        placed = type(self).from_dict(dropped(self, drop), base=self.folder)
+        placed = type(self).from_dict(dropped(self, self.drop, reach or {}), base=self.folder)
         known = {entry.name for entry in fields(self)}
         for name in {*vars(self)} - known:  # cached of what was drawn
             del self.__dict__[name]
