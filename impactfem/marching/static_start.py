@@ -104,6 +104,13 @@ class StaticStart:
             ConvergenceError: None was found.
         """
         try:
+            return self._sought()
+        finally:
+            self._answers = None  # holds this in turn: a circle would keep the meshes of bodies
+
+    def _sought(self) -> Rest:
+        """See `find`."""
+        try:
             return self._whole(*self._balanced(_SETTLED, _MOST))
         except ConvergenceError as error:
             try:

@@ -406,9 +406,10 @@ class SolidsModel:
             scene: The other scene, whose solids have the same shapes and elements.
         """
         parts: list[SolidPart] = []
-        ties = Ties(scene, parts)
+        ties = Ties(scene)
         for part, solid in zip(self.parts, scene.solids, strict=True):
-            parts.append(SolidPart(self.comm, scene, solid, part.degree, part.mesh, ties))
+            other = SolidPart(self.comm, scene, solid, part.degree, part.mesh, ties)
+            parts.append(ties.add(other))
         return _on_their_way(scene, tuple(parts), self.updated)
 
     @cached_property
@@ -470,8 +471,8 @@ def _parts(key: SceneKey, degrees: tuple[int, ...]) -> tuple[SolidPart, ...]:
     # A list with a name outlives an error of a later body. What a comprehension had found would be
     # freed while the error is under way, which mpi4py's locks of communicators do not survive.
     parts: list[SolidPart] = []
-    ties = Ties(scene, parts)
+    ties = Ties(scene)
     for solid, degree in zip(scene.solids, degrees, strict=True):
         mesh = build_body_mesh(comm, solid, degree, folder)
-        parts.append(SolidPart(comm, scene, solid, degree, mesh, ties))
+        parts.append(ties.add(SolidPart(comm, scene, solid, degree, mesh, ties)))
     return tuple(parts)

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
+from weakref import ref
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -60,18 +61,21 @@ class _Glued:
 class Ties:
     """The ties of a scene (collective at the first use of each)."""
 
-    def __init__(self, scene: Scene, parts: Sequence["SolidPart"]) -> None:
-        """Take the solids, which may not all be there yet."""
+    def __init__(self, scene: Scene) -> None:
+        """Take the scene; its solids, which hold this, come one by one by `add`."""
         self._scene = scene
-        self._parts = parts if scene.ties else ()
+        # In a circle, meshes would keep their communicators, of which MPI has about 2000, until
+        # Python looks for circles.
+        self._parts: list[ref[SolidPart]] = []
+
+    def add(self, part: "SolidPart") -> "SolidPart":
+        """Take the next solid, which is given back."""
+        self._parts.append(ref(part))
+        return part
 
     @cached_property
     def _each(self) -> dict[str, _Glued]:
-        found = {tie.name: self._glued(index) for index, tie in enumerate(self._scene.ties)}
-        # These hold this in turn: in a circle, meshes would keep their communicators, of which MPI
-        # has about 2000, until Python looks for circles.
-        self._parts = ()
-        return found
+        return {tie.name: self._glued(index) for index, tie in enumerate(self._scene.ties)}
 
     @property
     def places(self) -> dict[str, tuple[TiedPlace, ...]]:
@@ -98,7 +102,10 @@ class Ties:
 
     def _glued(self, index: int) -> _Glued:
         tie = self._scene.ties[index]
-        where, parts = f"tie[{index}]", {part.solid.name: part for part in self._parts}
+        where = f"tie[{index}]"
+        parts = {part.solid.name: part for each in self._parts if (part := each())}
+        if len(parts) < len(self._parts):
+            raise ReferenceError("a solid of these ties is gone: hold all of them")
         sides = [parts.get(_body(name)) for name in tie.between]
         made = [_Surface.of(p, n, where) for p, n in zip(sides, tie.between, strict=True) if p]
         cuts = [set(p.solid.shape.symmetry) if p and p.solid.shape else set() for p in sides]

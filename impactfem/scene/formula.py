@@ -222,7 +222,7 @@ class Formula:
         functions = ("number", "of_arrays", "_compared")
         return {name: value for name, value in self.__dict__.items() if name not in functions}
 
-    def apply(  # noqa: C901  (a case for each form of a node)
+    def apply(
         self, functions: Mapping[str, Callable[..., Any]], /, **values: Any
     ) -> Any:  # whatever the functions return
         """Evaluate with the functions of another library, e.g. UFL.
@@ -238,35 +238,45 @@ class Formula:
         Raises:
             SceneError: a function or the value of a variable is missing.
         """
+        return _applied(self._tree, self.text, functions, values)
 
-        def walk(node: Node) -> Any:  # noqa: C901, PLR0911  (as above)
-            match node:
-                case float():
-                    return node
-                case ("variable", name):
-                    if name not in values:
-                        raise FormulaError(self.text, f"the variable {name!r} is missing; give it")
-                    return values[name]
-                case ("held", held):
-                    return functions.get("held", Held.now)(held)
-                case ("table", table, operand):
-                    if "table" in functions:
-                        return functions["table"](table, walk(operand))
-                    return walk(table.compared(operand))
-                case ("negative", operand):
-                    return -walk(operand)
-                case ("chain", first, steps):
-                    result = walk(first)
-                    for name, operand in steps:
-                        result = OPERATORS[name](result, walk(operand))
-                    return result
-                case ("call", name, args):
-                    if name not in functions:
-                        raise FormulaError(self.text, f"{name!r} cannot be used here; rewrite it")
-                    return functions[name](*map(walk, args))
-            raise TypeError(f"unknown node {node!r}")
 
-        return walk(self._tree)
+def _applied(  # noqa: C901, PLR0911  (a case for each form of a node)
+    node: Node, text: str, functions: Mapping[str, Callable[..., Any]], values: Mapping[str, Any]
+) -> Any:  # whatever the functions return
+    """Evaluate a node, see `Formula.apply`.
+
+    A closure that calls itself would be a circle, which keeps the meshes of its values.
+    """
+
+    def of(operand: Node) -> Any:
+        return _applied(operand, text, functions, values)
+
+    match node:
+        case float():
+            return node
+        case ("variable", name):
+            if name not in values:
+                raise FormulaError(text, f"the variable {name!r} is missing; give it")
+            return values[name]
+        case ("held", held):
+            return functions.get("held", Held.now)(held)
+        case ("table", table, operand):
+            if "table" in functions:
+                return functions["table"](table, of(operand))
+            return of(table.compared(operand))
+        case ("negative", operand):
+            return -of(operand)
+        case ("chain", first, steps):
+            result = of(first)
+            for name, operand in steps:
+                result = OPERATORS[name](result, of(operand))
+            return result
+        case ("call", name, args):
+            if name not in functions:
+                raise FormulaError(text, f"{name!r} cannot be used here; rewrite it")
+            return functions[name](*map(of, args))
+    raise TypeError(f"unknown node {node!r}")
 
 
 def _marked(node: Node, part: Node, mark: Node) -> Node:

@@ -22,7 +22,11 @@ TIE = {"name": "glue", "between": ["a/top", "b/bottom"]}
 SCENES = {
     "estimated": {"body": [block("a", 0.0)], "solve": {"estimate": True}},
     "explicit": {"body": [block("a", 0.0)], "solve": {"method": "explicit"}},
-    "finite": {"body": [block("a", 0.0, strain="finite")]},
+    "at rest, of finite strain": {
+        "body": [block("a", 0.0, strain="finite", velocity=[0.0, 0.0])],
+        "gravity": [0.0, -9.81],
+        "start": "static",
+    },
     "meeting": {
         "body": [block("a", 0.0), block("b", 0.05, velocity=[0.0, -2.0])],
         "contact": [{"between": ["a", "b"]}],
