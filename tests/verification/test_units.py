@@ -24,7 +24,8 @@ def run(data):
     result = solve(Scene.from_dict(data))
     verdict = result.summary["verdict"]
     codes = sorted((f["code"], f["severity"]) for f in verdict["findings"])
-    return result.history, (result.summary["method"], verdict["level"], codes)
+    word = result.summary["method"], verdict["level"], codes
+    return result.history, word, [f["message"] for f in verdict["findings"]]
 
 
 @pytest.mark.slow
@@ -35,10 +36,10 @@ def test_other_units_change_neither_numbers_nor_verdict(name):
     data.pop("probe", None)
     foreseen = plan(Scene.from_dict(data)).seconds or CHEAP
     data["duration"] *= min(1.0, CHEAP / foreseen)
-    expected, word = run(data)
+    expected, word, _ = run(data)
     for units in UNITS:
-        found, other = run(units.scene(data))
-        assert other == word
+        found, other, said = run(units.scene(data))
+        assert other == word, said
         assert list(found) == list(expected)
         scales = {}  # vectors share the size of their largest entry
         for column, series in expected.items():
