@@ -169,41 +169,97 @@ def overlaps(carrier, other, ways, backs, pairs, limits, rule, factors, tests):
 
 
 @compiled
-def near_ways(faces, counts, paces, begin, balls, tilt, centres, size):
-    """Faces and places (near, 2) that are near their ways; see `contact.broad_phase`.
+def balls_of(points, faces, vectors, ways):
+    """Centres (faces, dim), radii and normals of faces, and how far ways turn from these.
 
     Args:
-        faces: Some faces, with as many points on each way, (faces,) each.
-        paces: Between these [m].
-        begin: Where the ways begin [m].
-        balls: Centres (all faces, dim), radii and normals of all faces.
-        tilt: How far their ways turn away, (all faces,).
-        centres: Of others, (others, dim).
-        size: Largest radius of these [m].
+        points: Places of the nodes [m], (nodes, dim).
+        faces: Their nodes, (faces, nodes of a face).
+        vectors: Normals of their parts times areas, (faces, parts, dim).
+        ways: Unit vectors in which they look, (faces, directions, dim).
     """
-    centre, radius, normal = balls
-    dim = centre.shape[1]
-    found, last = np.empty((64, 2), dtype=np.int64), 0
-    for i in range(len(faces)):
-        f = faces[i]
-        for j in range(len(centres)):
-            near = False
-            for k in range(counts[i]):
-                along = begin[i] + (k + 0.5) * paces[i]
-                reach = radius[f] + size + 0.5 * paces[i]
-                reach += tilt[f] * (abs(along) + 0.5 * paces[i])
-                square = 0.0
-                for c in range(dim):
-                    square += (centre[f, c] + along * normal[f, c] - centres[j, c]) ** 2
-                if np.sqrt(square) <= reach:
-                    near = True
-                    break
-            if near:
-                if last == len(found):
-                    more = np.empty((2 * last, 2), dtype=np.int64)
-                    more[:last] = found
-                    found = more
-                found[last, 0], found[last, 1] = f, j
+    (count, nodes), dim = faces.shape, points.shape[1]
+    centre, normal = np.zeros((count, dim)), np.zeros((count, dim))
+    radius, tilt = np.zeros(count), np.zeros(count)
+    for f in range(count):
+        for k in range(nodes):
+            centre[f] += points[faces[f, k]] / nodes
+        for p in range(vectors.shape[1]):
+            normal[f] += vectors[f, p]
+        size = np.sqrt((normal[f] ** 2).sum())
+        normal[f] /= size if size > 0.0 else 1.0
+        for k in range(nodes):
+            radius[f] = max(radius[f], np.sqrt(((points[faces[f, k]] - centre[f]) ** 2).sum()))
+        for k in range(ways.shape[1]):
+            tilt[f] = max(tilt[f], np.sqrt(((ways[f, k] - normal[f]) ** 2).sum()))
+    return centre, radius, normal, tilt
+
+
+@compiled
+def clipped_ways(here, there, begin, end):
+    """Ways shortened to where they can meet the box about all of ``there``; empty ones end first.
+
+    Args:
+        here, there: What `balls_of` tells of both.
+        begin, end: Ends of the ways [m], (faces,) each; written.
+    """
+    centre, radius, normal, tilt = here
+    for c in range(centre.shape[1]):
+        low, high = np.inf, -np.inf
+        for g in range(len(there[0])):
+            low = min(low, there[0][g, c] - there[1][g])
+            high = max(high, there[0][g, c] + there[1][g])
+        for f in range(len(centre)):
+            margin = radius[f] + tilt[f] * max(abs(begin[f]), abs(end[f]))
+            slope, start = normal[f, c], centre[f, c]
+            if abs(slope) >= 1e-12:
+                one, two = (low - margin - start) / slope, (high + margin - start) / slope
+                begin[f], end[f] = max(begin[f], min(one, two)), min(end[f], max(one, two))
+            elif start < low - margin or start > high + margin:
+                begin[f], end[f] = np.inf, -np.inf
+    return begin, end
+
+
+@compiled
+def _are_opposite(f, g, here, there, begin, end, facing):
+    """Whether two faces face each other and lie beside each other's way."""
+    size, tilt = here[1][f] + there[1][g], here[3][f]
+    along, cosine, square = 0.0, 0.0, 0.0
+    for c in range(here[0].shape[1]):
+        along += (there[0][g, c] - here[0][f, c]) * here[2][f, c]
+        cosine += here[2][f, c] * there[2][g, c]
+    for c in range(here[0].shape[1]):
+        square += (there[0][g, c] - here[0][f, c] - along * here[2][f, c]) ** 2
+    slack = size + tilt * max(abs(begin[f]), abs(end[f]))
+    faces_it = cosine < -facing + 2.0 * (tilt + there[3][g])
+    beside = np.sqrt(square) <= size + tilt * (abs(along) + size)
+    return faces_it and beside and begin[f] - slack <= along <= end[f] + slack
+
+
+@compiled
+def opposite(pairs, here, there, begin, end, facing):
+    """Those of some pairs of faces (pairs, 2) that are opposite; see `contact.broad_phase`.
+
+    Args:
+        pairs: Faces of both.
+        here, there: What `balls_of` tells of both.
+        begin, end: Ends of the ways of the first ones [m].
+        facing: Least cosine between one normal and the other reversed.
+    """
+    kept = np.empty(len(pairs), dtype=np.bool_)
+    for i in range(len(pairs)):
+        kept[i] = _are_opposite(pairs[i, 0], pairs[i, 1], here, there, begin, end, facing)
+    return pairs[kept]
+
+
+@compiled
+def pairs_among(looking, here, there, begin, end, facing):
+    """Opposite ones among all pairs of some faces, rising, with all others; see `opposite`."""
+    found, last = np.empty((len(looking) * len(there[0]), 2), dtype=np.int64), 0
+    for f in looking:
+        for g in range(len(there[0])):
+            if _are_opposite(f, g, here, there, begin, end, facing):
+                found[last, 0], found[last, 1] = f, g
                 last += 1
     return found[:last].copy()
 
