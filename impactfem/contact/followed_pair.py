@@ -10,11 +10,12 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from impactfem.arrays import Floats, Integers
+from impactfem.contact.line_kernels import met_normals
 from impactfem.contact.meeting import Meeting, Turning
 from impactfem.contact.mortar import MortarPairs
 from impactfem.contact.mortar_surface import Surface, unit
-from impactfem.contact.sparse_kernels import spread_rows
-from impactfem.contact.sparse_rows import rows_of, times
+from impactfem.contact.sparse_kernels import spread_rows, times_rows
+from impactfem.contact.sparse_rows import times
 
 FAR = 1e30
 """Gap of a multiplier whose part of the surface has nothing before it [m]."""
@@ -119,7 +120,7 @@ class FollowedPair:
 
     def _patch(self, found: MortarPairs, at: Integers) -> csr_matrix:
         """Nodes of the carrier by their weights: its faces have the size of what they see."""
-        ends, columns, values = rows_of(found.carrier_weights)
+        ends, columns, values = found.here
         counts = np.zeros(len(self._corners) + 1, dtype=np.int32)
         counts[at + 1] = np.diff(ends)
         shape = len(self._corners), self._total
@@ -133,12 +134,9 @@ def opposite_normals(other: Surface, found: MortarPairs) -> Floats:
     what slides along a surface with the normal n_o: forces along n_o do no work in sliding. n_o is
     interpolated between nodes, whose normals are the means over the faces that are met.
     """
-    met = np.unique(found.faces[:, 1])
-    normals, nodes = other.vectors[met].sum(axis=1), other.faces[met]
-    summed = np.zeros_like(other.points)
-    for place in range(nodes.shape[1]):
-        np.add.at(summed, nodes[:, place], normals)
-    return unit(times(found.other_weights, summed))
+    met = np.ascontiguousarray(found.faces[:, 1])
+    normals = met_normals(met, other.faces, other.vectors, len(other.points))
+    return unit(times_rows(*found.there, normals))
 
 
 def along_ways(way: Floats, normal: Floats, size: float) -> tuple[Floats, Floats]:
@@ -173,8 +171,7 @@ def pair_weights(
         at: Row of each multiplier.
         shape: Of the result: rows and all contact nodes.
     """
-    here, there = (rows_of(part) for part in (found.carrier_weights, found.other_weights))
-    entries = spread_rows(here, there, at, (rows[0], rows[1]), shape[0])
+    entries = spread_rows(found.here, found.there, at, (rows[0], rows[1]), shape[0])
     return csr_matrix(entries, shape=shape)
 
 

@@ -265,28 +265,77 @@ def pairs_among(looking, here, there, begin, end, facing):
 
 
 @compiled
-def summed_blocks(rows, columns, values, shape):
-    """Sparse rows of a sum of blocks (blocks, k, m): values, columns in rising order, and ends."""
+def summed_blocks(rows, columns, values, count, size):
+    """Sum of blocks (blocks, k, m) as ``count`` sparse rows of so many columns.
+
+    Ends, columns in rising order, and values.
+    """
     blocks, k, m = values.shape
-    keys, count = np.empty(blocks * k * m, dtype=np.int64), 0
+    keys, entries = np.empty(blocks * k * m, dtype=np.int64), 0
     for b in range(blocks):
         for i in range(k):
             for j in range(m):
-                keys[count] = rows[b, i] * shape[1] + columns[b, j]
-                count += 1
+                keys[entries] = rows[b, i] * size + columns[b, j]
+                entries += 1
     order = np.argsort(keys, kind="mergesort")
     flat = values.copy().reshape(-1)
-    data, place = np.zeros(count), np.empty(count, dtype=np.int32)
-    ends, last, before = np.zeros(shape[0] + 1, dtype=np.int32), -1, -1
+    data, place = np.zeros(entries), np.empty(entries, dtype=np.int32)
+    ends, last, before = np.zeros(count + 1, dtype=np.int32), -1, -1
     for at in order:
         if keys[at] != before:
             before, last = keys[at], last + 1
-            place[last] = before % shape[1]
-            ends[before // shape[1] + 1] = last + 1
+            place[last] = before % size
+            ends[before // size + 1] = last + 1
         data[last] += flat[at]
-    for row in range(shape[0]):
+    for row in range(count):
         ends[row + 1] = max(ends[row + 1], ends[row])
-    return data[: last + 1].copy(), place[: last + 1].copy(), ends
+    return ends, place[: last + 1].copy(), data[: last + 1].copy()
+
+
+@compiled
+def summed_vectors(rows, vectors, count):
+    """Sums of vectors (blocks, k, dim) in so many rows, (count, dim)."""
+    found = np.zeros((count, vectors.shape[2]))
+    for b in range(len(rows)):
+        for i in range(rows.shape[1]):
+            for c in range(vectors.shape[2]):
+                found[rows[b, i], c] += vectors[b, i, c]
+    return found
+
+
+@compiled
+def met_normals(met, faces, vectors, count):
+    """Sums at so many nodes of the normals of the faces that are met, times areas, (count, dim).
+
+    Args:
+        met: Numbers of these faces, some of them repeated.
+        faces: Nodes of all faces.
+        vectors: Normals of their parts times areas, (faces, parts, dim).
+        count: Number of nodes.
+    """
+    found, seen = np.zeros((count, vectors.shape[2])), np.zeros(len(faces), dtype=np.bool_)
+    seen[met] = True
+    for k in range(faces.shape[1]):
+        for f in range(len(faces)):
+            if seen[f]:
+                for c in range(vectors.shape[2]):
+                    normal = 0.0
+                    for p in range(vectors.shape[1]):
+                        normal += vectors[f, p, c]
+                    found[faces[f, k], c] += normal
+    return found
+
+
+@compiled
+def line_vectors(points, faces, sides, parts):
+    """Outward normals of the parts of lines times their lengths, (lines, parts, 2)."""
+    found = np.empty((len(faces), len(parts), 2))
+    for f in range(len(faces)):
+        for p in range(len(parts)):
+            one, two = points[faces[f, parts[p, 0]]], points[faces[f, parts[p, 1]]]
+            found[f, p, 0] = (two[1] - one[1]) * sides[f]
+            found[f, p, 1] = -(two[0] - one[0]) * sides[f]
+    return found
 
 
 @compiled

@@ -28,6 +28,8 @@ mean way is 0 (surfaces that touch), and is of the order g angle otherwise.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,16 +37,18 @@ from scipy.sparse import csr_array
 
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.broad_phase import candidates
-from impactfem.contact.line_kernels import summed_blocks
+from impactfem.contact.line_kernels import summed_blocks, summed_vectors
 from impactfem.contact.mortar_faces import face_overlaps, face_ways
 from impactfem.contact.mortar_lines import line_overlaps, line_ways
 from impactfem.contact.mortar_surface import Overlap, Surface, unit
-from impactfem.contact.sparse_kernels import scaled_rows
-from impactfem.contact.sparse_rows import rows_of, times
+from impactfem.contact.sparse_kernels import scaled_rows, times_rows
 
 _CHUNK = 10_000  # pairs of faces integrated at once: bounds the memory
 _ROUNDING = 1e-10  # share of coordinates that counts as nothing
 _FULL = 1e-6  # share of a face beyond which more overlap lies behind other faces
+
+type Rows = tuple[Integers, Integers, Floats]
+"""Ends of the rows of a sparse matrix, columns and values."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +57,9 @@ class MortarPairs:
 
     Attributes:
         nodes: Node of the carrier of each multiplier, increasing, shape (count,).
-        carrier_weights: Wc, shape (count, carrier's nodes).
-        other_weights: Wo, shape (count, other's nodes).
+        here: Wc, ends of its rows, columns and values: arrays cost far less than what SciPy asks.
+        there: Wo, likewise.
+        sizes: Numbers of nodes of carrier and other.
         area: a_i [m^2; times the thickness, or of the full turn], shape (count,).
         normal: n_i, from the other surface to the carrier, shape (count, dim).
         gap: Mean distance along n_i [m], shape (count,).
@@ -62,8 +67,9 @@ class MortarPairs:
     """
 
     nodes: Integers
-    carrier_weights: csr_array
-    other_weights: csr_array
+    here: Rows
+    there: Rows
+    sizes: tuple[int, int]
     area: Floats
     normal: Floats
     gap: Floats
@@ -73,6 +79,16 @@ class MortarPairs:
     def count(self) -> int:
         """Number of multipliers."""
         return len(self.nodes)
+
+    @cached_property
+    def carrier_weights(self) -> csr_array:
+        """Wc, shape (count, carrier's nodes)."""
+        return _sparse(self.here, (self.count, self.sizes[0]))
+
+    @cached_property
+    def other_weights(self) -> csr_array:
+        """Wo, shape (count, other's nodes)."""
+        return _sparse(self.there, (self.count, self.sizes[1]))
 
     def gaps(self, carrier_points: ArrayLike, other_points: ArrayLike) -> Floats:
         """Gaps [m] of nodes elsewhere, with the same weights and normals, shape (count,)."""
@@ -126,11 +142,11 @@ def mortar(
     """
     inwards = _inwards(carrier, reach, depth)
     if pairs is None:
-        pairs = faces_in_reach(carrier, other, reach, depth=depth)
+        pairs = _in_reach(carrier, other, reach, inwards)
     rule = points or _points(carrier, other, axisymmetric=axisymmetric, full=full)
 
     parts: list[tuple[Integers, Overlap]] = []
-    for begin in range(0, len(pairs), _CHUNK):
+    for begin in range(0, max(1, len(pairs)), _CHUNK):
         some = pairs[begin : begin + _CHUNK]
         if carrier.dim == 2:
             overlap = line_overlaps(
@@ -148,8 +164,11 @@ def faces_in_reach(
     carrier: Surface, other: Surface, reach: float, *, depth: float | None = None
 ) -> Integers:
     """Pairs of faces that can meet, sorted, shape (pairs, 2); see `mortar` for the arguments."""
+    return _in_reach(carrier, other, reach, _inwards(carrier, reach, depth))
+
+
+def _in_reach(carrier: Surface, other: Surface, reach: float, inwards: Floats) -> Integers:
     ways = line_ways if carrier.dim == 2 else face_ways
-    inwards = _inwards(carrier, reach, depth)
     return candidates(carrier, other, reach, inwards, (ways(carrier), ways(other)))
 
 
@@ -183,14 +202,13 @@ def _parallel(side: Surface) -> bool:
     return bool(skew <= _ROUNDING * np.abs(side.points).max(initial=0.0))
 
 
-def _select(overlap: Overlap, some: Integers) -> Overlap:
-    return Overlap(
-        overlap.carrier[some],
-        overlap.other[some],
-        overlap.vectors[some],
-        overlap.cover[some],
-        overlap.gap[some],
-    )
+def _select(overlap: Overlap, some: NDArray[Any]) -> Overlap:
+    return Overlap(*(each[some] for each in overlap))
+
+
+def _sparse(rows: Rows, shape: tuple[int, int]) -> csr_array:
+    ends, columns, values = rows
+    return csr_array((values, columns, ends), shape=shape)
 
 
 def _visible(pairs: Integers, cover: Floats, gap: Floats) -> NDArray[np.bool_]:
@@ -221,64 +239,26 @@ def _gather(
     axisymmetric: bool,
 ) -> MortarPairs:
     """Sum the integrals over pairs of faces into rows of the carrier's corners."""
-    nodes, dim = len(carrier.points), carrier.dim
-    sizes = (nodes, nodes), (nodes, len(other.points))
-    here, there = _Sum(sizes[0]), _Sum(sizes[1])
-    vectors, faces = np.zeros((nodes, dim)), [np.empty((0, 2), dtype=np.int64)]
-    pairs = np.concatenate([faces[0], *(some for some, _ in parts)])
-    cover = np.concatenate([np.empty(0), *(overlap.cover for _, overlap in parts)])
-    gap = np.concatenate([np.empty(0), *(overlap.gap for _, overlap in parts)])
-    seen = np.split(_visible(pairs, cover, gap), np.cumsum([len(some) for some, _ in parts])[:-1])
-    for (every, whole), visible in zip(parts, seen, strict=False):
-        chosen = np.flatnonzero(visible)
-        some, overlap = every[chosen], _select(whole, chosen)
-        rows = carrier.faces[some[:, 0], : overlap.carrier.shape[1]]
-        here.add(rows, carrier.faces[some[:, 0]], overlap.carrier)
-        there.add(rows, other.faces[some[:, 1]], overlap.other)
-        for axis in range(dim):
-            vectors[:, axis] += np.bincount(
-                rows.ravel(), overlap.vectors[:, :, axis].ravel(), minlength=nodes
-            )
-        faces.append(some)
-    integrals = here.matrix(), there.matrix()
-    area = times(integrals[0], np.ones(nodes))
+    pairs, overlap = parts[0]
+    if len(parts) > 1:
+        pairs = np.concatenate([some for some, _ in parts])
+        overlap = Overlap(*map(np.concatenate, zip(*(own for _, own in parts), strict=True)))
+    visible = _visible(pairs, overlap.cover, overlap.gap)
+    if not visible.all():
+        pairs, overlap = pairs[visible], _select(overlap, visible)
+    own, opposite = carrier.faces[pairs[:, 0]], other.faces[pairs[:, 1]]
+    rows = np.ascontiguousarray(own[:, : overlap.carrier.shape[1]])
+    sizes = len(carrier.points), len(other.points)
+    here = summed_blocks(rows, own, overlap.carrier, sizes[0], sizes[0])
+    there = summed_blocks(rows, opposite, overlap.other, *sizes)
+    area = times_rows(*here, np.ones((sizes[0], 1)))[:, 0]
     full = _corner_areas(carrier, thickness=thickness, axisymmetric=axisymmetric)
     chosen = np.flatnonzero(area > least * full)
-    weights = [
-        csr_array(
-            scaled_rows(*rows_of(part), chosen, 1.0 / area[chosen]), shape=(len(chosen), size)
-        )
-        for part, (_, size) in zip(integrals, sizes, strict=True)
-    ]
-    normal = -unit(vectors[chosen])
-    way = times(weights[0], carrier.points) - times(weights[1], other.points)
-    return MortarPairs(
-        chosen,
-        weights[0],
-        weights[1],
-        area[chosen],
-        normal,
-        np.einsum("id,id->i", normal, way),
-        np.concatenate(faces),
-    )
-
-
-class _Sum:
-    """A matrix as the sum of many blocks."""
-
-    def __init__(self, shape: tuple[int, int]) -> None:
-        self._shape = shape
-        self._parts: list[csr_array] = []
-
-    def add(self, rows: Integers, columns: Integers, values: Floats) -> None:
-        """Add blocks (pairs, rows of a block, columns of a block)."""
-        blocks = (np.ascontiguousarray(each) for each in (rows, columns, values))
-        self._parts.append(csr_array(summed_blocks(*blocks, self._shape), shape=self._shape))
-
-    def matrix(self) -> csr_array:
-        """The sum."""
-        first, *others = self._parts or [csr_array(self._shape)]
-        return csr_array(sum(others, first))
+    here, there = (scaled_rows(*part, chosen, 1.0 / area[chosen]) for part in (here, there))
+    normal = -unit(summed_vectors(rows, overlap.vectors, sizes[0])[chosen])
+    way = times_rows(*here, carrier.points) - times_rows(*there, other.points)
+    gap = np.einsum("id,id->i", normal, way)
+    return MortarPairs(chosen, here, there, sizes, area[chosen], normal, gap, pairs)
 
 
 def _corner_areas(carrier: Surface, *, thickness: float, axisymmetric: bool) -> Floats:

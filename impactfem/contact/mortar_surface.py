@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from impactfem.arrays import Floats, Integers
+from impactfem.contact.line_kernels import line_vectors
 
 Kind = Literal["interval", "triangle", "quadrilateral"]
 
@@ -95,7 +96,7 @@ class Surface:
     @property
     def parts(self) -> Integers:
         """Nodes around each flat part of a face, shape (parts, corners)."""
-        return np.array(_FACES[self.kind].parts[self.degree - 1], dtype=np.int64)
+        return _parts(self.kind, self.degree)
 
     @property
     def places(self) -> Floats:
@@ -109,14 +110,11 @@ class Surface:
     @cached_property
     def vectors(self) -> Floats:
         """Outward normals of the flat parts times their area, shape (faces, parts, dim)."""
-        x = self.points[self.faces][:, self.parts]  # (faces, parts, corners, dim)
         if self.dim == 2:
-            t = x[:, :, 1] - x[:, :, 0]
-            across = np.stack([t[..., 1], -t[..., 0]], axis=-1)
-        else:
-            one, two = (x[:, :, b] - x[:, :, a] for a, b in _FACES[self.kind].across)
-            across = 0.5 * np.cross(one, two)
-        return np.asarray(across * self.sides[:, None, None])
+            return np.asarray(line_vectors(self.points, self.faces, self.sides, self.parts))
+        x = self.points[self.faces][:, self.parts]  # (faces, parts, corners, dim)
+        one, two = (x[:, :, b] - x[:, :, a] for a, b in _FACES[self.kind].across)
+        return np.asarray(0.5 * np.cross(one, two) * self.sides[:, None, None])
 
 
 def surface(
@@ -149,6 +147,12 @@ def surface(
     return replace(found, sides=np.where(along < 0.0, -1.0, 1.0))
 
 
+@cache
+def _parts(kind: Kind, degree: int) -> Integers:
+    """Nodes around each flat part of a face, shape (parts, corners)."""
+    return np.array(_FACES[kind].parts[degree - 1], dtype=np.int64)
+
+
 def _nodes(kind: Kind) -> tuple[int, int]:
     """Nodes of a face of degree 1 and 2."""
     return _FACES[kind].corners, len(_FACES[kind].places)
@@ -156,12 +160,11 @@ def _nodes(kind: Kind) -> tuple[int, int]:
 
 def unit(vectors: Floats) -> Floats:
     """Vectors along the last axis, made of length 1 (those of length 0 stay)."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    length = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True))
     return np.asarray(vectors / np.where(length > 0.0, length, 1.0))
 
 
-@dataclass(frozen=True)
-class Overlap:
+class Overlap(NamedTuple):
     """Integrals over the overlaps of pairs of faces, for some pairs.
 
     With psi_i the linear functions of the carrier's corners and phi_j the shape functions:

@@ -117,7 +117,7 @@ def directed_weights(weights, rows, frames):
 
 @compiled
 def scaled_rows(ends, columns, values, rows, scale):
-    """Values, columns and ends of some rows, times a number each, (rows,)."""
+    """Ends, columns and values of some rows, times a number each, (rows,)."""
     size = 0
     for i in rows:
         size += ends[i + 1] - ends[i]
@@ -128,7 +128,7 @@ def scaled_rows(ends, columns, values, rows, scale):
             found[last], places[last] = scale[i] * values[k], columns[k]
             last += 1
         stops[i + 1] = last
-    return found, places, stops
+    return stops, places, found
 
 
 @compiled
