@@ -348,7 +348,7 @@ def patch_spins(ends, node, weight, places):
         places: Of the nodes [m], (nodes, dim).
 
     Returns:
-        Values, columns and ends of sparse rows, (patches turns, nodes dim).
+        Ends, columns and values of sparse rows, (patches turns, nodes dim).
     """
     dim = places.shape[1]
     turns = dim * (dim - 1) // 2
@@ -385,7 +385,7 @@ def patch_spins(ends, node, weight, places):
                     at = last + (t * (end - first) + e - first) * dim + c
                     values[at], columns[at] = found[t, c], node[e] * dim + c
         last += (end - first) * dim * turns
-    return values, columns, stops
+    return stops, columns, values
 
 
 @compiled

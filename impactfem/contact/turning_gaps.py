@@ -23,7 +23,6 @@ from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.line_kernels import patch_spins, spread_moments, turned_ways
-from impactfem.contact.sparse_rows import rows_of
 
 
 @dataclass(frozen=True)
@@ -31,13 +30,16 @@ class TurningGaps:
     """What the turning of the directions adds, for given places.
 
     Attributes:
-        spins: theta of some gaps by displacements of the nodes, (gaps turns, nodes dim).
+        spins: theta of some gaps by displacements of the nodes, (gaps turns, nodes dim): ends of
+            the rows, columns and values.
+        numbers: Of those displacements.
         rows: These gaps among all, (gaps,).
         ways: Their d [m], (gaps, dim).
         shape: Of what `relative` returns: all gaps, directions.
     """
 
-    spins: csr_matrix
+    spins: tuple[Integers, Integers, Floats]
+    numbers: int
     rows: Integers
     ways: Floats
     shape: tuple[int, int]
@@ -65,22 +67,19 @@ class TurningGaps:
             np.concatenate([getattr(patch, name) for _, patch in patches])
             for name in ("indices", "data")
         )
-        dim = places.shape[1]
-        turns = dim * (dim - 1) // 2
-        entries = patch_spins(ends, node, weight, places)
-        matrix = csr_matrix(entries, shape=(len(rows) * turns, places.size))
-        return cls(matrix, rows, ways[rows], (len(ways), dim))
+        spins = patch_spins(ends, node, weight, places)
+        return cls(spins, places.size, rows, ways[rows], (len(ways), places.shape[1]))
 
     def relative(self, values: Floats) -> Floats:
         """Theta x d for displacements (nodes, dim), (all gaps, dim)."""
         given = np.ascontiguousarray(values).ravel()
         own = given, self.rows, self.ways, self.shape[0]
-        return np.asarray(turned_ways(*rows_of(self.spins), *own))
+        return np.asarray(turned_ways(*self.spins, *own))
 
     def spread(self, forces: Floats) -> Floats:
         """The transpose: of forces in the gaps (all gaps, dim), on the nodes (nodes, dim)."""
-        own = forces, self.rows, self.ways, self.spins.shape[1]
-        found = spread_moments(*rows_of(self.spins), *own)
+        own = forces, self.rows, self.ways, self.numbers
+        found = spread_moments(*self.spins, *own)
         return np.asarray(found.reshape(-1, self.shape[1]))
 
     def units(self, rows: Integers, directions: Floats) -> Floats:
@@ -90,13 +89,14 @@ class TurningGaps:
             rows: Gaps among all.
             directions: Of the forces, (rows, ways, dim).
         """
-        turns = self.spins.shape[0] // len(self.rows)
-        dim = self.shape[1]
-        found = np.zeros((*directions.shape[:2], self.spins.shape[1]))
+        (ends, columns, values), dim = self.spins, self.shape[1]
+        turns = dim * (dim - 1) // 2
+        found = np.zeros((*directions.shape[:2], self.numbers))
         mine = np.flatnonzero(np.isin(rows, self.rows))
         at = np.searchsorted(self.rows, rows[mine])
         moments = np.einsum("gtk,gwk->gwt", _crossing(self.ways[at]), directions[mine])
-        lines = self.spins[(at[:, None] * turns + np.arange(turns)).ravel()].toarray()
+        spins = csr_matrix((values, columns, ends), shape=(len(self.rows) * turns, self.numbers))
+        lines = spins[(at[:, None] * turns + np.arange(turns)).ravel()].toarray()
         found[mine] = moments @ lines.reshape(len(at), turns, found.shape[-1])
         return found.reshape(*found.shape[:2], -1, dim)
 
