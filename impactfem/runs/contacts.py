@@ -171,10 +171,11 @@ class Contacts:
 
     def split(self, solids: Collection[str]) -> tuple["Contacts", "Contacts"]:
         """Those of some bodies, and the others."""
+        sides = [each for each in self.obstacles if each.names]  # of what may touch something
         first, second = (
             replace(
                 self,
-                obstacles=tuple(e for e in self.obstacles if (e.names[0][0] in solids) == own),
+                obstacles=tuple(e for e in sides if (e.names[0][0] in solids) == own),
                 pairs=tuple(
                     p for p in self.pairs if any({*both} & {*solids} for both in p.names) == own
                 ),

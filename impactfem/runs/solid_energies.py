@@ -57,11 +57,15 @@ def work_done(
         interior, times = march.interior, march.interior.dt * np.arange(len(sums))
         each = [interior.gravity(*ends) for ends in pairwise(times.tolist())]
         pulls = np.array(each).reshape(step.shape)
+    early = np.zeros(dim)
     if explicit:  # energies belong to the middle of layers: half of each neighbouring step
+        # What stands amid the first layer has gone but half a step there: less than half way.
+        early = 0.5 * (step[:1] - march.interior.dt * sums[1:2, 3 : 3 + dim]).sum(axis=0)
         step = 0.5 * (step + np.vstack([np.zeros_like(step[:1]), step[:-1]]))
     pulled = np.einsum("ij,ij->i", pulls, step)
     done = np.zeros(len(sums))
     done[1:] = np.cumsum(pulled + sums[1:, 2] + rows.obstacle_work[1 : len(sums)])
+    done[1:2] += pulls[:1] @ early
     return done
 
 
