@@ -22,9 +22,10 @@ from impactfem.inverse.local_slopes import Local, slopes
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.solid_readings import Kept, Number, Numbers
 from impactfem.inverse.steps import Changes
+from impactfem.marching.layers import MaterialSums
 from impactfem.marching.reversed_march import Given, Reading, ReversedMarch
 from impactfem.marching.solids import SolidMarch
-from impactfem.scene import Scene, Solid
+from impactfem.scene import Plate, Scene
 from impactfem.system.loads import Loads
 from impactfem.system.massless import averaged
 from impactfem.system.material_slopes import MaterialSlopes, cell_spans, material_numbers
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 _LOADS = ("tractions", "pressures")
 _STARTS = ("velocity", "angular_velocity", "displacement")
 _MATERIALS = ("density", "youngs_modulus", "poisson_ratio", "thickness", "materials")
+_OF_PLATES = ("orthotropic", "layers", "residual_stress")
 
 
 def reversible(ready: "Ready") -> bool:
@@ -51,20 +53,24 @@ def reversible(ready: "Ready") -> bool:
 
 def varies_materials(changes: Changes) -> bool:
     """Whether the material changes with what varies, as far as is known."""
-    solids = changes.scene.solids
+    bodies = changes.scene.bodies
     for share in (1e-3, -1e-3):
         try:
-            others = changes.at(changes.values + share * changes.scales).solids
+            others = changes.at(changes.values + share * changes.scales).bodies
         except SceneError:
             continue
-        each = [(a, b) for a, b in zip(solids, others, strict=True) if _materials(a, b)]
-        return bool(each)
+        return any(_differ(a, b) for a, b in zip(bodies, others, strict=True))
     return True
 
 
-def _materials(solid: Solid, other: Solid) -> bool:
-    """Whether constants of their materials differ."""
-    return any(getattr(solid, name) != getattr(other, name) for name in _MATERIALS)
+def _differ(body: Any, other: Any) -> bool:
+    """Whether constants of their materials do."""
+    return any(getattr(body, name, None) != getattr(other, name, None) for name in materials(body))
+
+
+def materials(body: Any) -> tuple[str, ...]:
+    """Keys of its material whose derivatives are known backwards."""
+    return (*_MATERIALS, *_OF_PLATES) if isinstance(body, Plate) else _MATERIALS
 
 
 @dataclass(frozen=True)
@@ -75,8 +81,8 @@ class Weights:
         place, velocity: By displacements and velocities at t = 0, (numbers, owned dofs).
         loads: By forces on the dofs that loads reach, (numbers, layers, reached dofs).
         gap: By gaps at each level without displacements, (numbers, levels, gaps).
-        material: By the numbers of the elements of all bodies, (numbers, 3, elements); none where
-            these stay.
+        material: By the numbers of the elements of all bodies, (numbers, each, elements); none
+            where these stay.
     """
 
     place: Floats
@@ -116,7 +122,7 @@ class Start:
 
 
 class Adjoints:
-    """Derivatives of the numbers of a run.
+    """Derivatives of the numbers of a run; what only solids do is said apart, for `plate_adjoints`.
 
     Args:
         runs: Who ran it.
@@ -126,6 +132,8 @@ class Adjoints:
         kept: What it has kept.
         pairs: What its pairs did, by name.
     """
+
+    _loading: tuple[str, ...] = (*_LOADS, "thickness")  # keys by which its loads go
 
     def __init__(
         self, runs: "SolidRuns", changes: Changes, quantities: Quantities, ready: "Ready",
@@ -151,9 +159,8 @@ class Adjoints:
             return None
         weights = self._weights([self._given(each) for each in read])
         by, known = slopes(self._changes, partial(self._arrays, weights))
-        count, layers = weights.loads.shape[:2]
-        each, elements = np.arange(count), weights.material[0].size
-        number = np.concatenate([each.repeat(layers), each, each, each.repeat(elements)])
+        sizes = [each.values.size for each in self._arrays(weights, self._scene)]
+        number = np.repeat(np.arange(len(sizes)) % len(read), sizes)
         sums = csr_array((np.ones(len(number)), (number, np.arange(len(number)))))
         found = np.asarray((sums @ by).toarray())
         self._quantities.add_efforts(found, self._scene)
@@ -170,12 +177,7 @@ class Adjoints:
             for part in read.get(level, ()):
                 part(reading)
 
-        into = None
-        if self._base is not None:
-            into = [
-                MaterialSlopes(part.system.nodes, solid)
-                for part, solid in zip(self._parts, self._scene.solids, strict=True)
-            ]
+        into = None if self._base is None else self._sums()
         self._numbers.into = into
         found = self._reversed.given(max(read, default=0), add, into)
         moved = [self._carried(load) for load in found.loads]
@@ -183,6 +185,11 @@ class Adjoints:
         if into is not None:
             material = self._whole(each.by_material() for each in into)
         return found._replace(loads=np.array(moved).reshape(len(moved), -1)), material
+
+    def _sums(self) -> Sequence[MaterialSums]:
+        """Of each body, empty."""
+        each = zip(self._parts, self._scene.solids, strict=True)
+        return [MaterialSlopes(part.system.nodes, solid) for part, solid in each]
 
     def _whole(self, each: Iterable[Floats]) -> Floats:
         """Values of the elements of each body (..., elements) on all ranks, side by side."""
@@ -216,7 +223,7 @@ class Adjoints:
         Raises:
             SceneError: It changes more than loads, starts, places of obstacles and materials.
         """
-        starts, start = self._alike(scene), self._start
+        starts, start = self._alike(scene), self._started(scene)
         bodies = list(zip(scene.bodies, self._scene.bodies, strict=True))
         if starts:
             ready = self._runs.ready(scene)
@@ -227,8 +234,7 @@ class Adjoints:
         if not np.array_equal(start.normals, self._start.normals):
             raise SceneError("its obstacles face another way")
         forces = self._forces
-        names = (*_LOADS, "thickness")
-        each = ((getattr(a, name, ()), getattr(b, name, ())) for a, b in bodies for name in names)
+        each = ((getattr(a, n, ()), getattr(b, n, ())) for a, b in bodies for n in self._loading)
         if any(one != other for one, other in each):
             forces = self._loads(scene)
         dt, layers = self._march.interior.dt, np.arange(weights.loads.shape[1], dtype=np.float64)
@@ -236,32 +242,52 @@ class Adjoints:
         began = weights.place @ start.place + weights.velocity @ start.velocity
         pushed = np.einsum("nkd,kd->nk", weights.loads, forces)
         pushed, began = map(self._summed, (pushed, began))
-        met = np.einsum("nkg,kg->n", weights.gap, np.broadcast_to(start.gap, weights.gap.shape[1:]))
+        met = np.einsum(
+            "nkg,kg->ng", weights.gap, np.broadcast_to(start.gap, weights.gap.shape[1:])
+        )
         # Of each number by itself: what rounds in one may be all of another.
         found = [Local(own, {"t": (begin, end)}) for own in pushed]
-        found += [Local(own, {}) for own in np.concatenate([began, met])[:, None]]
+        found += [Local(own, {}) for own in began[:, None]]
+        spans = self._gap_spans
+        found += [Local(own, spans) if spans else Local(own.sum(keepdims=True), {}) for own in met]
         if self._base is None:
             return found
-        base, spans = self._base
-        now = base
-        if any(_materials(a, b) for a, b in zip(scene.solids, self._scene.solids, strict=True)):
+        now, x = self._base
+        if any(_differ(a, b) for a, b in zip(scene.bodies, self._scene.bodies, strict=True)):
             now = self._material(scene)
-        return [*found, *(Local(own * now, {"x": spans}) for own in weights.material)]
+        return [*found, *(Local(self._made(own, now), {"x": x}) for own in weights.material)]
+
+    def _started(self, scene: Scene) -> Start:  # noqa: ARG002  (plates change theirs)
+        """With what a scene begins that sets out and meets obstacles as the run does."""
+        return self._start
+
+    @property
+    def _gap_spans(self) -> dict[str, tuple[Floats, Floats]]:
+        """Where gaps lie, as `Local` has it; empty where all change together."""
+        return {}
+
+    def _made(self, by: Floats, numbers: Floats) -> Floats:
+        """What derivatives by the numbers of elements make with these, (rows, elements)."""
+        return by * numbers
 
     @cached_property
     def _base(self) -> tuple[Floats, tuple[Floats, Floats]] | None:
         """The material of all elements, and their extent along x; None if nothing changes it."""
         if self._trail.states is None or any(solid.is_orthotropic for solid in self._scene.solids):
             return None
+        return self._material(self._scene), self._cell_spans()
+
+    def _cell_spans(self) -> tuple[Floats, Floats]:
+        """Least and largest x of the elements of all bodies [m], (elements,) each."""
         spans = self._whole(np.array(cell_spans(part.system.nodes)) for part in self._parts)
-        return self._material(self._scene), (spans[0], spans[1])
+        return spans[0], spans[1]
 
     def _material(self, scene: Scene) -> Floats:
         """Numbers of the material of all elements, (3, elements) (collective)."""
         each = zip(self._parts, scene.solids, strict=True)
         return self._whole(material_numbers(part.system.nodes, solid) for part, solid in each)
 
-    def _check_material(self, solid: Solid, other: Solid) -> None:
+    def _check_material(self, solid: Any, other: Any) -> None:
         """Refuse materials whose derivatives are not known backwards.
 
         Raises:

@@ -17,8 +17,8 @@ from impactfem.marching.rows import Level
 from impactfem.scene import Scene, Term
 
 if TYPE_CHECKING:
+    from impactfem.marching.layers import MaterialSums
     from impactfem.runs.solids import Ready
-    from impactfem.system.material_slopes import MaterialSlopes
 
 _AXES = "xyz"
 
@@ -49,7 +49,9 @@ class Kept:
         """Keep a level."""
         self.trail(level)
         dt = self.trail.march.interior.dt
-        if self.trail.states is None and (np.abs(self.times - level.time) < 2.001 * dt).any():
+        if self.trail.states is not None:
+            self.trail.states.put(level.layer, *self.seen(level))
+        elif (np.abs(self.times - level.time) < 2.001 * dt).any():
             self.beside[level.layer] = self.seen(level)
 
     def seen(self, level: Level) -> tuple[Floats, Floats]:
@@ -86,7 +88,7 @@ class Numbers:
         self._sums = [part.sums_by() for part in self._inner]
         self._names = list(ready.seen.model.names)
         self.levels = self.stressed = False
-        self.into: Sequence[MaterialSlopes] | None = None
+        self.into: Sequence[MaterialSums] | None = None
         columns = self._march.gaps.pair_of()
         self._of_pair = {name: columns == k for k, name in enumerate(self._march.gaps.pairs)}
         masses = (mass for mass, _ in ready.seen.model.masses.values())

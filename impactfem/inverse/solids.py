@@ -211,7 +211,7 @@ class SolidRuns:
             varies_materials,
         )
         from impactfem.inverse.solid_readings import Kept  # noqa: PLC0415
-        from impactfem.marching.reversed_march import States, Trail  # noqa: PLC0415  (DOLFINx)
+        from impactfem.marching.reversed_march import Trail  # noqa: PLC0415  (DOLFINx)
 
         scene, kinds = changes.scene, (Kept, Adjoints)
         if not scene.solids:
@@ -224,7 +224,6 @@ class SolidRuns:
                 return np.zeros(0), None, False
             march = cast("SolidMarch", ready.seen.march)
             whole = varies_materials(changes)
-            whole = whole and States.fit(march.layers + 1, len(march.interior.velocity))
             kept = kinds[0](Trail.of(march, whole=whole), quantities.times)
             ready.seen.march.run([*ready.seen.observers(), kept])
             outcome, pairs = self.told(scene, ready, quantities.times)

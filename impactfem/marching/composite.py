@@ -356,10 +356,12 @@ class Composite(Bodies[Interior]):
             np.concatenate([found.loads for found in each]),
         )
 
-    def settled(self, contact: Floats) -> Floats:
-        """Derivatives by displacements of those by contact nodes, of all bodies."""
+    def settled(self, place: Floats, contact: Floats) -> Floats:
+        """Derivatives by displacements, with those by contact nodes, of all bodies."""
         each = enumerate(self._reversible())
-        return np.concatenate([part.settled(contact[self.own(k)]) for k, (part, _) in each])
+        return np.concatenate(
+            [part.settled(place[own], contact[self.own(k)]) for k, (part, own) in each]
+        )
 
     def _reversible(self) -> list[tuple[Reversible, slice]]:
         """The bodies, and which dofs are theirs."""

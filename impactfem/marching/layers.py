@@ -2,15 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.pair_responses import Roots
 from impactfem.contact.responses import Columns
 from impactfem.contact.rooted import Matrix
-
-if TYPE_CHECKING:
-    from impactfem.system.material_slopes import MaterialSlopes
 
 
 @dataclass
@@ -251,6 +248,28 @@ class Interior(Stepper, Protocol):
         """
 
 
+class MaterialSums(Protocol):
+    """Sums of products of displacements of a body, of which derivatives by its material are made.
+
+    As `impactfem.system.material_slopes.MaterialSlopes` and `impactfem.system.plate_slopes`.
+    """
+
+    def stiff(self, one: Floats, other: Floats) -> None:
+        """Add one . K other, (dofs,) each (collective)."""
+
+    def heavy(self, one: Floats, other: Floats) -> None:
+        """Add one . M other, (dofs,) each (collective)."""
+
+    def weigh(self, values: Floats) -> None:
+        """Add the sum of lumped masses times values, (dofs,)."""
+
+    def weigh_whole(self, factor: float) -> None:
+        """Add a factor times the mass of the body."""
+
+    def by_material(self) -> Floats:
+        """Derivatives by the numbers of the elements of this rank, (numbers, elements)."""
+
+
 class Reversible(Protocol):
     """An interior whose layers are known backwards, as gradients need them (collective).
 
@@ -276,13 +295,24 @@ class Reversible(Protocol):
                 `columns` was asked for, (asked,).
         """
 
-    def settled(self, contact: Floats) -> Floats:
-        """Derivatives by displacements (dofs,) of those by contact nodes in equilibrium."""
+    def settled(self, place: Floats, contact: Floats) -> Floats:
+        """Derivatives by displacements (dofs,) with those by contact nodes in equilibrium."""
+
+    def eased(self, place: Floats | float, contact: Floats) -> Floats | None:
+        """How far derivatives, taken for forces, move what has no mass with all else held, (dofs,).
+
+        Args:
+            place: By displacements; see `backward`.
+            contact: By contact nodes.
+
+        Returns:
+            None if nothing moves, on all ranks alike.
+        """
 
     def on_contact(self, values: Floats) -> Floats:
         """Values of the contact nodes (count, dim) on the owned dofs, 0 where held, (dofs,)."""
 
-    def vary(self, into: "MaterialSlopes", loads: Floats, ends: Ends) -> None:
+    def vary(self, into: MaterialSums, loads: Floats, ends: Ends) -> None:
         """Add derivatives by the material that a layer makes.
 
         Args:
@@ -291,10 +321,10 @@ class Reversible(Protocol):
             ends: Of the layer.
         """
 
-    def vary_product(self, into: "MaterialSlopes", one: Floats, other: Floats) -> None:
+    def vary_product(self, into: MaterialSums, one: Floats, other: Floats) -> None:
         """Add those of one . M other with the mass of momenta, (dofs,) each."""
 
-    def vary_weight(self, into: "MaterialSlopes", values: Floats) -> None:
+    def vary_weight(self, into: MaterialSums, values: Floats) -> None:
         """Add those of the sum of values (dofs,) by the mass of first moments."""
 
     def sums_by(self) -> tuple[Floats, Floats]:

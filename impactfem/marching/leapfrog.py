@@ -7,23 +7,20 @@ v M v / 2 + u_m K u_{m+1} / 2 with v = s_m / dt, which is positive while dt omeg
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
 from impactfem.compiled import compiled
-from impactfem.marching.layers import Backward, Ends, Sums
+from impactfem.marching.layers import Backward, Ends, MaterialSums, Sums
 from impactfem.marching.turning import Turning
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.massless import averaged, lumped_mass
 from impactfem.system.matrices import to_blocked
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
-
-if TYPE_CHECKING:
-    from impactfem.system.material_slopes import MaterialSlopes
 
 _WHOLE_COLUMNS = 64  # sums of more columns cost more than two solves with the surface's stiffness
 
@@ -308,7 +305,7 @@ class Leapfrog:
     ) -> Backward:  # fmt: skip
         """Derivatives by what a layer begins with; see `Reversible`."""
         moving = self._inverse > 0.0
-        moved = np.where(moving, place + self.settled(contact), 0.0)
+        moved = np.where(moving, self.settled(place, contact), 0.0)
         stepped = np.where(moving, rate, 0.0) + moved
         keep, gain, lag = self._keep, self._gain, self._lag
         if first:
@@ -318,11 +315,11 @@ class Leapfrog:
         pulled = self._pulled(loads)
         return Backward(moved - pulled, keep * stepped - lag * pulled, forces, loads)
 
-    def settled(self, contact: Floats) -> Floats:
-        """Derivatives by displacements of those by contact nodes; see `Reversible`."""
-        found = np.zeros(len(self._inverse))
+    def settled(self, place: Floats, contact: Floats) -> Floats:
+        """Derivatives by displacements, with those by contact nodes; see `Reversible`."""
+        found = place.copy()
         if self._statics is not None:
-            found[self._statics.near] = -self._statics.pushed(self._statics.response(contact))
+            found[self._statics.near] -= self._statics.pushed(self._statics.response(contact))
         return found
 
     def _pulled(self, place: Floats) -> Floats:
@@ -339,11 +336,15 @@ class Leapfrog:
         moving = np.where(self._inverse > 0.0, self._mass, 0.0)
         return self._pulled(placed), moving * velocity
 
+    def eased(self, place: Floats | float, contact: Floats) -> Floats | None:  # noqa: ARG002  (of what has mass)
+        """How far forces on contact nodes move them; see `Reversible`."""
+        return self.on_contact(self.static(contact)) if contact.any() else None
+
     def on_contact(self, values: Floats) -> Floats:
         """Values of the contact nodes on the owned dofs; see `Reversible`."""
         return self._surface.pulled(values, self._system.constrained)
 
-    def vary(self, into: "MaterialSlopes", loads: Floats, ends: Ends) -> None:
+    def vary(self, into: MaterialSums, loads: Floats, ends: Ends) -> None:
         """Add derivatives by the material that a layer makes; see `Reversible`."""
         first = ends.start == 0.0
         keep, gain = (1.0, 0.5 * self._gain) if first else (self._keep, self._gain)
@@ -360,11 +361,11 @@ class Leapfrog:
         change -= self.gravity(ends.start, ends.end)
         self.vary_weight(into, -loads * change.ravel())
 
-    def vary_product(self, into: "MaterialSlopes", one: Floats, other: Floats) -> None:
+    def vary_product(self, into: MaterialSums, one: Floats, other: Floats) -> None:
         """Add those of one . M other; see `Reversible`."""
         self.vary_weight(into, one * other)
 
-    def vary_weight(self, into: "MaterialSlopes", values: Floats) -> None:
+    def vary_weight(self, into: MaterialSums, values: Floats) -> None:
         """Add those of sums by mass; see `Reversible`."""
         moving = np.where(self._inverse > 0.0, values, 0.0)
         into.weigh(averaged(self._transfer, moving))

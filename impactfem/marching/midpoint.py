@@ -20,14 +20,14 @@ Massless contact nodes have zero rows in M: there w is in equilibrium.
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
 from impactfem.fem import MPI, products_in_order
-from impactfem.marching.layers import Backward, Ends, Sums
+from impactfem.marching.layers import Backward, Ends, MaterialSums, Sums
 from impactfem.marching.turning import Turning
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
@@ -35,9 +35,6 @@ from impactfem.system.linear import LinearSolver
 from impactfem.system.massless import averaged, transferred
 from impactfem.system.relaxation import named
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
-
-if TYPE_CHECKING:
-    from impactfem.system.material_slopes import MaterialSlopes
 
 _COLUMN_BYTES = 2**28  # kept answers to unit forces; beyond this a layer solves once more
 
@@ -342,7 +339,7 @@ class Midpoint:
     ) -> Backward:  # fmt: skip
         """Derivatives by what a layer begins with; see `Reversible`."""
         turned = np.where(self._still, 0.0, rate)
-        moved = place + (2.0 / self.dt) * turned + self.settled(contact)
+        moved = self.settled(place + (2.0 / self.dt) * turned, contact)
         moved[self._still] = 0.0
         if parts is not None and self._gather_columns and self._statics is not None:
             # Forces on massless nodes do inside what the loads do that balance them there.
@@ -360,20 +357,25 @@ class Midpoint:
             begun, (2.0 / self.dt) * through - turned, self._surface.gather(loads), loads
         )
 
-    def settled(self, contact: Floats) -> Floats:
-        """Derivatives by displacements of those by contact nodes; see `Reversible`."""
-        found = np.zeros(len(self._still))
+    def settled(self, place: Floats, contact: Floats) -> Floats:
+        """Derivatives by displacements, with those by contact nodes; see `Reversible`."""
         if self._statics is None:
+            found = np.zeros(len(self._still))
             self._surface.spread(contact, found)
-        else:
-            found[self._statics.near] = -self._statics.pushed(self._statics.response(contact))
+            return found + place
+        found = place.copy()
+        found[self._statics.near] -= self._statics.pushed(self._statics.response(contact))
         return found
+
+    def eased(self, place: Floats | float, contact: Floats) -> Floats | None:  # noqa: ARG002  (of what has mass)
+        """How far forces on contact nodes move them; see `Reversible`."""
+        return self.on_contact(self.static(contact)) if contact.any() else None
 
     def on_contact(self, values: Floats) -> Floats:
         """Values of the contact nodes on the owned dofs; see `Reversible`."""
         return self._surface.pulled(values, self._system.constrained)
 
-    def vary(self, into: "MaterialSlopes", loads: Floats, ends: Ends) -> None:
+    def vary(self, into: MaterialSums, loads: Floats, ends: Ends) -> None:
         """Add derivatives by the material that a layer makes; see `Reversible`."""
         middle = ends.place + (ends.end_place - ends.place) / self._advance
         if self._statics is not None:
@@ -386,13 +388,13 @@ class Midpoint:
         gravity = self.gravity(ends.start, ends.end)
         self.vary_weight(into, (loads.reshape(-1, dim) * gravity).ravel())
 
-    def vary_product(self, into: "MaterialSlopes", one: Floats, other: Floats) -> None:
+    def vary_product(self, into: MaterialSums, one: Floats, other: Floats) -> None:
         """Add those of one . M other; see `Reversible`."""
         # Neighbours move what is massless; what is held has no rows in M.
         held, transfer = self._system.constrained, self._transfer
         into.heavy(*(np.where(held, 0.0, averaged(transfer, each)) for each in (one, other)))
 
-    def vary_weight(self, into: "MaterialSlopes", values: Floats) -> None:
+    def vary_weight(self, into: MaterialSums, values: Floats) -> None:
         """Add those of sums by mass; see `Reversible`."""
         into.weigh(averaged(self._transfer, np.where(self._system.constrained, 0.0, values)))
 

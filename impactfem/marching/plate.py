@@ -24,7 +24,7 @@ from impactfem.arrays import Floats
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.few import FewInterior
 from impactfem.marching.held_rows import HeldLumped
-from impactfem.marching.layers import Backward, Sums
+from impactfem.marching.layers import Backward, Ends, MaterialSums, Sums
 from impactfem.marching.plate_shown import ShownPlate
 from impactfem.marching.plate_start import PlateAtRest
 from impactfem.marching.plate_step import PlateStep
@@ -441,13 +441,8 @@ class PlateMidpoint(FewInterior):
 
         Coordinates are those without contact forces on what has no mass, which follows all else.
         """
-        heavy, light, layer = self._heavy, self._light, self._layer
-        moved, turned = place + self.settled(contact), np.zeros_like(rate)
-        if moved[light].any():
-            eased = np.zeros_like(moved)
-            eased[light] = self._statics.solve(moved[light])
-            moved -= self.bodies.stiffness @ eased
-        moved[light] = 0.0
+        heavy, layer = self._heavy, self._layer
+        moved, turned = self.settled(place, contact), np.zeros_like(rate)
         turned[heavy] = rate[heavy]
         moved += (2.0 / self.dt) * turned
         loads = self.answer(moved)
@@ -456,16 +451,49 @@ class PlateMidpoint(FewInterior):
         rates = (2.0 / self.dt) * self._mass * loads - turned
         return Backward(begun, rates, self.contact_moved(loads), loads)
 
-    def settled(self, contact: Floats) -> Floats:
-        """Derivatives by coordinates of those by contact nodes; see `Reversible`."""
-        return self.pulled(contact)[0]
+    def settled(self, place: Floats, contact: Floats) -> Floats:
+        """Derivatives by what has mass, with those by all that follows it; see `Reversible`."""
+        moved, eased = place + self.pulled(contact)[0], self.eased(place, contact)
+        if eased is not None:
+            moved -= self.bodies.stiffness @ eased
+        moved[self._light] = 0.0
+        return moved
+
+    def eased(self, place: Floats | float, contact: Floats) -> Floats | None:
+        """How far derivatives by what has no mass move it; see `Reversible`."""
+        right = (place + self.pulled(contact)[0])[self._light]
+        if not right.any():
+            return None
+        found = np.zeros_like(self._q)
+        found[self._light] = self._statics.solve(right)
+        return found
 
     def pressed_by(self, place: Floats) -> Floats:
         """Derivatives by static forces on contact nodes of those by coordinates, (count, 3)."""
-        held = np.zeros_like(place)
-        if place[self._light].any():
-            held[self._light] = self._statics.solve(place[self._light])
-        return self.contact_moved(held)
+        none = np.zeros((len(self._start), 3))
+        held = self.eased(place, none)
+        return none if held is None else self.contact_moved(held)
+
+    def vary(self, into: MaterialSums, loads: Floats, ends: Ends) -> None:
+        """Add derivatives by the material that a layer makes; see `Reversible`."""
+        layer, light = self._layer, self._light
+        # Where stiffness acts with what it damps; what has no mass is in equilibrium there.
+        middle = ends.place + (ends.end_place - ends.place) / layer.advance
+        if len(light):
+            middle[light] = 0.0
+            right = self.pulled(ends.forces)[0] - self.bodies.stiffness @ middle
+            middle[light] = self._statics.solve(right[light])
+        into.stiff(-loads, middle)
+        into.heavy(loads, layer.mu * (ends.place - middle) + (2.0 / self.dt) * ends.velocity)
+        into.weigh(float(self.gravity(ends.start, ends.end) @ self._normal) * loads)
+
+    def vary_product(self, into: MaterialSums, one: Floats, other: Floats) -> None:
+        """Add those of one . M other; see `Reversible`."""
+        into.heavy(one, other)
+
+    def vary_weight(self, into: MaterialSums, values: Floats) -> None:
+        """Add those of sums by mass; see `Reversible`."""
+        into.weigh(values)
 
     def sums_by(self) -> tuple[Floats, Floats]:
         """Mass times displacement and momentum; see `Reversible`."""

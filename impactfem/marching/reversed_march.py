@@ -31,8 +31,7 @@ from impactfem.marching.rows import Level
 from impactfem.marching.solids import SolidMarch
 
 if TYPE_CHECKING:
-    from impactfem.marching.layers import Reversible
-    from impactfem.system.material_slopes import MaterialSlopes
+    from impactfem.marching.layers import MaterialSums, Reversible
 
 _WEAK = 1e-9  # share of the largest force, or gap, that is none
 _HALF = 1e-9  # within which theta is 1/2, as where the same gaps press at both ends
@@ -105,10 +104,11 @@ class Trail:
 
         Args:
             march: The march.
-            whole: Whether states are kept, as the material varies.
+            whole: Whether states are kept, as the material varies, if there is room for them.
         """
         levels = march.layers + 1
-        states = States(levels, len(march.interior.velocity)) if whole else None
+        size = cast("Reversible", march.interior).dofs
+        states = States(levels, size) if whole and States.fit(levels, size) else None
         force, multiplier, gap = np.zeros((3, levels, len(march.contact.gap)))
         return cls(march, force, multiplier, gap, states)
 
@@ -117,8 +117,6 @@ class Trail:
         state = self.march.contact
         self.force[level.layer] = level.force
         self.multiplier[level.layer], self.gap[level.layer] = state.multiplier, state.gap
-        if self.states is not None:
-            self.states.put(level.layer, level.displacement, level.velocity)
 
     def state(self, level: int) -> tuple[Floats, Floats]:
         """Displacements and velocities of a level, if all are kept."""
@@ -194,7 +192,7 @@ class ReversedMarch:
 
     def given(
         self, last: int, read: Callable[[int, Reading], None],
-        into: "Sequence[MaterialSlopes] | None" = None,
+        into: "Sequence[MaterialSums] | None" = None,
     ) -> Given:  # fmt: skip
         """Derivatives of a number.
 
@@ -239,7 +237,7 @@ class ReversedMarch:
         read(0, found)
         if into is not None:
             self._settle(into, 0, found)
-        place = place + interior.settled(found.contact + self._on_nodes(gaps[0]))
+        place = interior.settled(place, found.contact + self._on_nodes(gaps[0]))
         return Given(place, rate, loads, gaps)
 
     def _parts(self) -> Iterator[tuple[Any, slice, slice]]:
@@ -254,7 +252,7 @@ class ReversedMarch:
             yield part, slice(*ends), whole.own(k)
 
     def _vary(
-        self, into: "Sequence[MaterialSlopes]", layer: int, loads: Floats, found: Reading
+        self, into: "Sequence[MaterialSums]", layer: int, loads: Floats, found: Reading
     ) -> None:
         """Add derivatives by the material that a layer and its end make."""
         before, after = (self._trail.state(each) for each in (layer, layer + 1))
@@ -268,28 +266,21 @@ class ReversedMarch:
             part.vary(to, loads[own], ends)
         self._settle(into, layer + 1, found)
 
-    def _settle(self, into: "Sequence[MaterialSlopes]", level: int, found: Reading) -> None:
+    def _settle(self, into: "Sequence[MaterialSums]", level: int, found: Reading) -> None:
         """Add those that the equilibrium of massless nodes at a level makes."""
         by_gap = self._on_nodes(found.gap)
         free, pressed = found.contact + by_gap, found.static + by_gap
-        if free.any():
-            static = self._pressed(self._trail.multiplier[level])
-            self._still(into, -self._static(free), self._trail.state(level)[0], -static)
-        if pressed.any() and self._trail.multiplier[level].any():
-            static = self._pressed(self._trail.multiplier[level])
-            self._still(into, -self._static(pressed), None, static)
-
-    def _pressed(self, multiplier: Floats) -> Floats:
-        """What multipliers (gaps,) press contact nodes by [m], (count, dim)."""
-        return self._static(self._on_nodes(multiplier))
-
-    def _still(
-        self, into: "Sequence[MaterialSlopes]", one: Floats, place: Floats | None, other: Floats
-    ) -> None:
-        """Add those of one . K other, of contact nodes (count, dim), but for a place (dofs,)."""
+        forces, place = self._on_nodes(self._trail.multiplier[level]), self._trail.state(level)[0]
         for to, (part, own, nodes) in zip(into, self._parts(), strict=True):
-            first, second = part.on_contact(one[nodes]), part.on_contact(other[nodes])
-            to.stiff(first, second if place is None else second + place[own])
+            moved = part.eased(found.place[own], free[nodes])
+            held = part.eased(found.place[own], pressed[nodes])
+            if moved is None and held is None:
+                continue
+            still = part.eased(0.0, forces[nodes])
+            if moved is not None:
+                to.stiff(-moved, place[own] if still is None else place[own] - still)
+            if held is not None and still is not None:
+                to.stiff(-held, still)
 
     def _on_nodes(self, forces: Floats) -> Floats:
         """Along the normals of gaps (gaps,), on the contact nodes (count, dim)."""
@@ -302,7 +293,7 @@ class ReversedMarch:
 
     def _contact(
         self, layer: int, begin: int, acting: Floats, found: Reading,
-        into: "Sequence[MaterialSlopes] | None",
+        into: "Sequence[MaterialSums] | None",
     ) -> tuple[Floats, Callable[[Floats], Floats], Floats]:  # fmt: skip
         """What the law of a layer does backwards.
 
@@ -341,8 +332,10 @@ class ReversedMarch:
             if into is not None and zeta * (theta - 0.5) != 0.0:
                 change = np.zeros(count)
                 change[at] = law.change
-                moved = self._pressed(change)
-                self._still(into, -zeta * (theta - 0.5) * moved, None, moved)
+                forces = self._on_nodes(change)
+                for to, (part, _, nodes) in zip(into, self._parts(), strict=True):
+                    if (moved := part.eased(0.0, forces[nodes])) is not None:
+                        to.stiff(-zeta * (theta - 0.5) * moved, moved)
         return shut, lambda by_force: keeps * by_force + direct, of_gap
 
 

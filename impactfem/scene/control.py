@@ -57,10 +57,10 @@ class Control:
         Integer(1, MAX_PIECES), "how many pieces; a trajectory takes its nodes instead", default=1
     )
     begin: float = key(
-        Real(at_least=0), "where the first piece begins", name="from", unit="s or m", default=0.0
+        Real(), "where the first piece begins", name="from", unit="s or m", default=0.0
     )
     end: float | None = key(
-        Real(above=0), "where the last piece ends; along x it has to be given", name="until",
+        Real(), "where the last piece ends; along x it has to be given", name="until",
         unit="s or m", default=None, absent="the duration",
     )  # fmt: skip
     start: Sequence[float] = key(
@@ -75,8 +75,13 @@ class Control:
 
     def _check(self) -> None:
         check_formula_name(self.heading, self.name, "give another name")
+        if self.along == "t" and self.begin < 0.0:
+            text = f" = {self.begin:g} s is before t = 0: give 0 or later."
+            raise KeyedError(self.heading, "from", text)
         if self.end is not None and not self.end > self.begin:
-            text = f" = {self.end:g} s is not after from = {self.begin:g} s: give a later time."
+            text = (
+                f" = {self.end:g} is not after from = {self.begin:g}: give a later time or place."
+            )
             raise KeyedError(self.heading, "until", text)
         if self.along == "x" and self.end is None:
             raise KeyedError(self.heading, "until", " is missing: give a place, as the length.")

@@ -58,6 +58,11 @@ class Triangles:
     @cached_property
     def stiffness(self) -> csr_matrix:
         """Of bending and shear, (3 vertices, 3 vertices) [N/m, N, N m]."""
+        return self.assembled(self.elements)
+
+    @property
+    def elements(self) -> Floats:
+        """The same of each triangle, (cells, 9, 9)."""
         bent, bending = self._bent, self.section.bending
         weights = self.mesh.areas * self.ratio**3
         each = np.einsum(
@@ -74,10 +79,10 @@ class Triangles:
             each += np.einsum(
                 "c,ij,ciad,ab,cjbe->cde", weights, _LINEAR, at, shear, at, optimize=True
             )
-        return self._assembled(each)
+        return np.asarray(each)
 
-    def tension(self, force: float) -> csr_matrix:
-        """Stiffness by a tension, alike in all directions, (3 vertices, 3 vertices).
+    def tension(self, force: float) -> Floats:
+        """Stiffness of each triangle by a tension, alike in all directions, (cells, 9, 9).
 
         Args:
             force: Of the section, by its length [N/m].
@@ -86,7 +91,7 @@ class Triangles:
         rise = np.zeros((len(self.mesh.cells), 2, 3 * DOFS))
         rise[:, :, ::DOFS] = self.rising.swapaxes(1, 2)
         weights = force * self.ratio * self.mesh.areas
-        return self._assembled(np.einsum("c,cad,cae->cde", weights, rise, rise, optimize=True))
+        return np.asarray(np.einsum("c,cad,cae->cde", weights, rise, rise, optimize=True))
 
     @property
     def curvatures(self) -> csr_matrix:
@@ -98,10 +103,10 @@ class Triangles:
         around = 3.0 * self.mesh.lumped(np.ones(len(cells)))
         shares = areas[:, None] / around[cells]
         each = (self._bent * shares[:, :, None, None]).reshape(len(self.mesh.cells), 9, -1)
-        return self._assembled(each)
+        return self.assembled(each)
 
     @cached_property
-    def _freedoms(self) -> Integers:
+    def freedoms(self) -> Integers:
         """Of the corners of elements, (cells, 9)."""
         return _freedoms(self.mesh.cells)
 
@@ -168,9 +173,9 @@ class Triangles:
                 found[:, k, DOFS * end + 1 : DOFS * end + 3] = -0.5 * ways[:, k]
         return found, ways, lengths
 
-    def _assembled(self, values: Floats) -> csr_matrix:
+    def assembled(self, values: Floats) -> csr_matrix:
         """Sum of matrices of elements, (cells, 9, 9), three rows to each corner."""
-        found = _assembled(values, self._freedoms, len(self.mesh.points))
+        found = _assembled(values, self.freedoms, len(self.mesh.points))
         found.eliminate_zeros()
         return found
 

@@ -105,7 +105,7 @@ def discretised(
         SceneError: Its thickness is none, or too large for its theory, a stress buckles it, or it
             has fewer modes than ratios of damping.
     """
-    thickness = _thicknesses(plate, mesh)
+    thickness = thicknesses(plate, mesh)
     still, ways = held_slopes(mesh, plate)
     moved, moves = led_vertices(mesh, plate, still)
     count = len(mesh.points)
@@ -221,7 +221,7 @@ def _sprung(plate: Plate, mesh: PlateMesh, stiffness: csr_matrix) -> csr_matrix:
     return stiffness
 
 
-def _thicknesses(plate: Plate, mesh: PlateMesh) -> Floats:
+def thicknesses(plate: Plate, mesh: PlateMesh) -> Floats:
     """At the vertices [m], (vertices,).
 
     Raises:
@@ -258,7 +258,8 @@ def _stressed(
             f"{where} needs all edges held, which a free or elastic one lets go: hold them, in the "
             "plane too, or remove it"
         )
-    unit = csr_matrix(basis.T @ triangles.tension(plate.section.thickness) @ basis)
+    tension = triangles.assembled(triangles.tension(plate.section.thickness))
+    unit = csr_matrix(basis.T @ tension @ basis)
     if stress < 0.0:
         start = np.ones(basis.shape[1])
         least = eigsh(stiffness, 1, unit, sigma=0.0, v0=start, return_eigenvectors=False)
