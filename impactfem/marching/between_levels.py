@@ -18,7 +18,9 @@ from typing import Any, cast
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.marching.finite_leapfrog import FiniteLeapfrog
 from impactfem.marching.layers import Sums
+from impactfem.marching.leapfrog_bodies import LeapfrogBodies, LevelStepper
 from impactfem.marching.meshless import Meshless
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
@@ -134,20 +136,30 @@ class BetweenLevels(Meshless):
 
     Attributes:
         march: Of what is among them and beside obstacles.
+        lent: What joints store and take at the tips of solids, by the places of these.
         missing, most, rounding, lag: As of bodies that ask for nothing.
         yields: That forces move none of their nodes at a level, (count, dim).
     """
 
     most, rounding, lag = 1, 0.0, 0.0
 
-    def __init__(self, bodies: NewtonBodies, settings: LoopSettings, solids: int) -> None:
+    def __init__(
+        self,
+        bodies: NewtonBodies,
+        settings: LoopSettings,
+        solids: int,
+        tipped: Mapping[int, FiniteLeapfrog],
+    ) -> None:
         """Begin at t = 0.
 
         Args:
-            bodies: They, joined or not, behind the contact nodes of the solids (`Still`).
+            bodies: They, joined or not, behind the contact nodes of the solids (`Still`), and
+                behind the tips of some.
             settings: Of the march among them.
             solids: Number of contact nodes of the solids.
+            tipped: Those with tips by their places, in the order of these.
         """
+        self._tipped = dict(tipped)
         self.dt, self._bodies, self._own = bodies.dt, bodies, slice(solids, None)
         self.counts = any(part.counts for part in cast("Sequence[Meshless]", bodies.parts))
         self._pushed = _Pushed(bodies)
@@ -205,6 +217,8 @@ class BetweenLevels(Meshless):
         self._pushed.given = self._all(self._force)
         self._done.join(self.march.through(start, end))
         self.march.layer += 1
+        for solid in self._tipped.values():
+            solid.carry()
 
     def touch(self, normals: Floats) -> None:
         """Learn where they touch solids now, by the normals of their nodes (count, dim)."""
@@ -270,7 +284,7 @@ class BetweenLevels(Meshless):
     def between(self) -> Floats:
         """Part of the energy that comes from two levels, told of the first body [J]."""
         found = np.zeros(len(self.inertia()))
-        found[0] = self._span**2 / 12.0 * self._rate * self.counts
+        found[:1] = self._span**2 / 12.0 * self._rate * self.counts
         return found
 
     def initial(self, static: Floats) -> Sequence[Sums]:
@@ -283,13 +297,15 @@ class BetweenLevels(Meshless):
         return self._told(ended(self._all(static)))
 
     def _told(self, sums: Sequence[Sums]) -> Sequence[Sums]:
-        over = self._span**2 / 8.0 * self._over * self.counts
-        sums[0].elastic += float(self.between[0]) - over
-        return sums
+        over, first = self._span**2 / 8.0 * self._over * self.counts, len(self._tipped)
+        self.lent, own = dict(zip(self._tipped, sums, strict=False)), sums[first:]
+        if own:
+            own[0].elastic += float(self.between[0]) - over
+        return own
 
     def inertia(self) -> list[Floats]:
         """Of each body."""
-        return self._bodies.inertia()
+        return self._bodies.inertia()[len(self._tipped) :]
 
     def spins(self) -> Floats:
         """Velocities of the contact nodes by unit spins of their bodies [m]."""
@@ -311,3 +327,26 @@ class BetweenLevels(Meshless):
         self._pushed.towards = memory["between.towards"]
         layer, self._span, self._over, self._rate = memory["between.told"].tolist()
         self.march.restore({}, memory, np.zeros(0, dtype=np.int64), int(layer))
+
+
+class LevelsBeside(LeapfrogBodies):
+    """Solids in explicit steps, and what is beside them."""
+
+    def __init__(self, solids: Sequence[LevelStepper], beside: BetweenLevels) -> None:
+        """Join them."""
+        super().__init__([*solids, cast("LevelStepper", beside)])
+        self._beside = beside
+
+    def initial(self, static: Floats) -> Sequence[Sums]:
+        """Sums of the initial state, of each body."""
+        return self._told(super().initial(static))
+
+    def finish(self, static: Floats) -> Sequence[Sums]:
+        """End the layer; sums of each body."""
+        return self._told(super().finish(static))
+
+    def _told(self, found: Sequence[Sums]) -> Sequence[Sums]:
+        for solid, sums in self._beside.lent.items():
+            found[solid].elastic += sums.elastic
+            found[solid].work += sums.work
+        return found

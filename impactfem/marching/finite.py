@@ -13,7 +13,7 @@ momentum are kept to rounding in flight, and in contact as far as its law does
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -26,12 +26,12 @@ from impactfem.marching.turning import Turning
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.finite_statics import FiniteAtRest
 from impactfem.system.finite_strain import FiniteStrain
+from impactfem.system.linear import LinearSolver, of_mass
 from impactfem.system.moments import kept_moments
 from impactfem.system.small_strain import SmallStrain
 from impactfem.system.surface import SurfaceNodes
 
 if TYPE_CHECKING:
-    from impactfem.system.linear import LinearSolver
     from impactfem.system.step_solvers import StepSolver
 
 
@@ -43,7 +43,15 @@ _HALVINGS = 6  # of a Newton step that turns cells inside out
 
 
 class FiniteMidpoint(FiniteBody):
-    """Stepper of a solid; see `impactfem.marching.newton_bodies.NewtonStepper`."""
+    """Stepper of a solid; see `impactfem.marching.newton_bodies.NewtonStepper`.
+
+    Attributes:
+        surface: Contact nodes.
+        joined: Forces of joints on the owned dofs in the step [N]; None where none hold it.
+        leaps: False.
+    """
+
+    leaps = False
 
     def __init__(
         self,
@@ -99,6 +107,9 @@ class FiniteMidpoint(FiniteBody):
         self._work = 0.0
         self._stale, self._left = True, np.inf
         self._change = np.zeros_like(self.displacement)
+        self.surface, self.joined = surface, cast("Floats | None", None)
+        self._freeing: LinearSolver | None = None
+        self._moved: tuple[int, Floats, Floats] | None = None  # generation, forces, ways
 
     def at_rest(self, name: str, gravity: Floats, spin: Floats) -> FiniteAtRest:
         """The body as the search for equilibrium asks it (collective); see `FiniteAtRest`."""
@@ -225,8 +236,9 @@ class FiniteMidpoint(FiniteBody):
         return found
 
     def _pushed(self, forces: Floats) -> Floats:
-        """Forces (count, dim) on the contact nodes as those on the owned dofs."""
-        return self._surface.pulled(forces, self._system.constrained)
+        """Forces (count, dim) on the contact nodes as those on the owned dofs, and of joints."""
+        found = self._surface.pulled(forces, self._system.constrained)
+        return found if self.joined is None else found + self.joined
 
     def linearise(self) -> Floats:
         """Solve for what balances the iterate; how contact nodes move by it (collective).
@@ -238,11 +250,11 @@ class FiniteMidpoint(FiniteBody):
             ConvergenceError: The tangent is singular.
         """
         if self._stale:
-            self._renew()
+            self.renew()
         self._change = self._solved(self._rest)
         return self._surface.gather(self._change)
 
-    def _renew(self) -> None:
+    def renew(self) -> None:
         """Factor the tangent of the iterate (collective)."""
         self._stale = False
         self._strain.put(self.displacement, self._after)
@@ -266,10 +278,18 @@ class FiniteMidpoint(FiniteBody):
         return found
 
     def _answers(self, forces: Floats) -> Floats:
-        assert self._solver is not None  # noqa: S101  (`linearise` came first)
-        held, surface = self._system.constrained, self._surface
-        pushed = np.stack([surface.pulled(force, held) for force in forces])
-        return np.stack([surface.gather(each) for each in self._solver.solve_all(pushed)])
+        return np.stack([self._surface.gather(each) for each in self.moved(forces)])
+
+    def moved(self, forces: Floats) -> Floats:
+        """Displacements by several contact forces (several, count, dim), (several, dofs)."""
+        kept, made = self._moved, self.generation  # joints ask for them twice
+        if kept is not None and kept[0] == made and np.array_equal(kept[1], forces):
+            return kept[2]
+        held = self._system.constrained
+        found = self.answered(np.stack([self._surface.pulled(force, held) for force in forces]))
+        if self.joined is not None:
+            self._moved = made, forces.copy(), found
+        return found
 
     def correct(self, forces: Floats) -> None:
         """Move the iterate, with a change of the contact forces (count, dim) (collective).
@@ -351,5 +371,54 @@ class FiniteMidpoint(FiniteBody):
 
     def destroy(self) -> None:
         """Free PETSc's objects."""
+        if self._freeing is not None:
+            self._freeing.destroy()
         for thing in (self._solvers, self._strain, *self._vectors, self._mass):
             thing.destroy()
+
+    # ---- what joints ask, see `impactfem.marching.finite_tipped` -------------------------------
+
+    @property
+    def constrained(self) -> Booleans:
+        """Owned dofs that supports hold."""
+        return self._system.constrained
+
+    @property
+    def span(self) -> float:
+        """Of the step [s]."""
+        return self._span
+
+    @property
+    def after(self) -> Floats:
+        """Displacement of the owned dofs at the end of the step, by the last iterate [m]."""
+        return self._after
+
+    def answered(self, forces: Floats) -> Floats:
+        """Displacements by several forces on owned dofs at the iterate, (several, dofs)."""
+        assert self._solver is not None  # noqa: S101  (`renew` came first)
+        return np.stack(list(self._solver.solve_all(forces)))
+
+    def freed(self, impulses: Floats) -> Floats:
+        """Velocities by several impulses that leave no time for anything else, (several, dofs)."""
+        if self._freeing is None:
+            self._freeing = of_mass(self._system.stiffness, self._mass, self._still, self._kind)
+        return np.where(self._still, 0.0, self._freeing.solve_all(impulses))
+
+    def shift(self, change: Floats) -> None:
+        """Move the iterate by all of a change, as joints count on it (collective).
+
+        Raises:
+            ConvergenceError: Cells turn inside out.
+        """
+        self._after = self._after + change
+        if self._strain.is_inverted(self._after):
+            raise ConvergenceError("cells turn inside out")
+
+    def lay(self, forces: Floats) -> None:
+        """Balance the iterate with contact forces (count, dim) (collective)."""
+        known = self._stale, self._left
+        self.unbalanced(forces)
+        self._stale, self._left = known
+        if self._stale:
+            self.renew()
+        self._move(self._solved(self._rest))

@@ -15,7 +15,7 @@ from slow modes to fast ones would seem lost. It is counted as elastic.
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,6 +34,10 @@ from impactfem.system.inward import Inward
 from impactfem.system.moments import lumped_moments
 from impactfem.system.surface import SurfaceNodes
 from impactfem.system.surface_layer import SurfaceLayer
+
+if TYPE_CHECKING:
+    from impactfem.marching.free_nodes import FreeNodes
+    from impactfem.scene import PiecewiseVector
 
 _SHARE = {2: 0.01, 3: 0.1}  # of the forces on the surface that its solver leaves
 _STABLE = 0.9  # share of the stable step up to which layers are taken whole
@@ -108,6 +112,7 @@ class FiniteLeapfrog(FiniteBody):
         self._acceleration = np.zeros_like(mass)
         self._last_force, self._energy, self._work, self._step = self._force, 0.0, 0.0, dt
         self._over = self._rate_sum = 0.0
+        self._tips: tuple[SurfaceNodes, FreeNodes] | None = None
         self._least, self._looked, self._steps, self.most = 1.0, 1.0, 0, 1
         self._rest_rate = self._rate = elements.rate(self._inverse) if len(mass) else 0.0
         self._share = dt / limit
@@ -128,6 +133,40 @@ class FiniteLeapfrog(FiniteBody):
             name, system, strain, self._surface, self._matrix, self._weights, self._kind, gravity,
             spin,
         )  # fmt: skip
+
+    def hold(self, nodes: SurfaceNodes, gravity: "PiecewiseVector") -> "FreeNodes":
+        """Let joints hold some nodes, which then take their own steps (collective)."""
+        from impactfem.marching.free_nodes import FreeNodes  # noqa: PLC0415  (if joints hold it)
+
+        system, inverse = self._system, nodes.gather(self._inverse)
+        free = FreeNodes(
+            gravity, self.dt, inverse, system.rayleigh_mass, self.size,
+            counts=system.comm.rank == 0,
+        )  # fmt: skip
+        self._tips = nodes, free
+        self._take_up()
+        return free
+
+    def _take_up(self) -> None:
+        """Tell the nodes that joints hold where they are at a level (collective)."""
+        if self._tips is not None:
+            nodes, free = self._tips
+            known = self.displacement, self.velocity, self._acceleration
+            free.take_up(*(nodes.gather(each).ravel() for each in known))
+
+    def carry(self) -> None:
+        """Take these to where they have gone; what is wanting of their rates `close` adds."""
+        if self._tips is None:
+            return
+        nodes, free = self._tips
+        dofs, step = nodes.dofs[~free.constrained[nodes.places]], self._step
+        at = nodes.places[~free.constrained[nodes.places]]
+        slow = 0.5 * self._system.rayleigh_mass * step
+        self.velocity[dofs] += (free.displacement[at] - self.displacement[dofs]) / step
+        self.displacement[dofs] = free.displacement[at]
+        half = (1.0 - slow) * self.velocity[dofs] + 0.5 * step * self._acceleration[dofs]
+        self._wanting = dofs, free.velocity[at] - half
+        self._elements.share()
 
     @property
     def surface_displacement(self) -> Floats:
@@ -165,6 +204,7 @@ class FiniteLeapfrog(FiniteBody):
     def begin(self, start: float, end: float) -> None:
         """Take the inside to the end of a step, and guess where the surface is (collective)."""
         step = self._step = end - start
+        self._take_up()
         slow = 0.5 * self._system.rayleigh_mass * step
         drive = self._drive
         self._before = self.displacement.copy() if self._driven else self.displacement
@@ -276,6 +316,9 @@ class FiniteLeapfrog(FiniteBody):
         step, system = self._step, self._system
         slow = 0.5 * system.rayleigh_mass * step
         self.velocity = self.velocity * (1.0 - slow) + 0.5 * step * self._acceleration
+        if self._tips is not None:
+            dofs, wanting = self._wanting
+            self.velocity[dofs] += wanting
         if left.any():
             pushed = self._inward.forces(left, self._surface_now, self.displacement)
             self.velocity -= 0.5 * step * self._inverse * pushed
@@ -347,6 +390,7 @@ class FiniteLeapfrog(FiniteBody):
             self._acceleration, self._internal = state["acceleration"], state["internal"]
             self._load, self._force = state["load"], state["force"]
         self.move_surface(surface.copy())
+        self._take_up()
 
     def destroy(self) -> None:
         """Free what PETSc holds."""

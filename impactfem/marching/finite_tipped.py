@@ -1,26 +1,23 @@
-"""Implicit steps of a solid under finite strain, held by its tips; see `impactfem.system.tips`.
+"""A body whose tips joints hold, in steps that are solved by iterates; see `impactfem.system.tips`.
 
 Forces of joints act at the mean places of a step, by rows J of the tips there, which turn with
 their nodes: their work is that on the ways and turns which joints see, and energy stays. In each
-iterate of the step the tangent A tells how tips answer to impulses p of the joints,
+iterate of the step its operator A tells how tips answer to impulses p of the joints,
 
     du = A^-1 J^T p / dt,    rates 2 J du / dt,
 
-so that joints are met by Newton's iterates as contact is.
+so that joints are met by Newton's iterates as contact is. A is the tangent of a solid in implicit
+steps, and of nodes of one in explicit steps 2 M / dt^2 (`impactfem.marching.free_nodes`).
 """
 
-from typing import Any
+from typing import Any, Protocol, cast
 
 import numpy as np
 
-from impactfem.arrays import Floats
-from impactfem.errors import ConvergenceError
-from impactfem.marching.finite import FiniteMidpoint
+from impactfem.arrays import Booleans, Floats
 from impactfem.marching.followed_tips import FollowedTips
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.stations import Held
-from impactfem.system.elastic import ElasticSystem
-from impactfem.system.linear import LinearSolver, of_mass
 from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes
 
@@ -28,196 +25,246 @@ _ROUNDED = 64.0 * float(np.finfo(float).eps)  # of places, in the ways of tips
 _TINY = float(np.finfo(float).tiny)
 
 
-class FiniteTipped(FiniteMidpoint):
-    """Stepper of a solid with tips, by d coordinates of these.
+class Following(Protocol):
+    """What is asked of the stepper; vectors are of the dofs that this rank owns.
 
     Attributes:
-        body: Itself, as joints name what they hold.
+        dt: Length of a layer [s].
+        size: Largest extent of the body [m].
+        surface: Contact nodes.
+        displacement: At the start of the step [m].
+        velocity: There [m/s]; a new array for each step.
+        joined: Forces of joints in the step [N].
+        leaps: Whether rates are told where forces have changed them after the step.
+    """
+
+    dt: float
+    size: float
+    surface: SurfaceNodes
+    displacement: Floats
+    velocity: Floats
+    joined: Floats | None
+    leaps: bool
+
+    @property
+    def constrained(self) -> Booleans:
+        """What supports hold."""
+
+    @property
+    def span(self) -> float:
+        """Of the step [s]."""
+
+    @property
+    def after(self) -> Floats:
+        """Displacement at its end, by the last iterate [m]."""
+
+    @property
+    def generation(self) -> int:
+        """Of the operator: answers change with it."""
+
+    def begin(self, start: float, end: float) -> None:
+        """Take up a step between two times."""
+
+    def renew(self) -> None:
+        """Take the operator of the iterate."""
+
+    def answered(self, forces: Floats) -> Floats:
+        """Displacements by several forces at the iterate, (several, dofs)."""
+
+    def moved(self, forces: Floats) -> Floats:
+        """The same by several contact forces (several, count, dim)."""
+
+    def freed(self, impulses: Floats) -> Floats:
+        """Velocities by several impulses that leave no time for anything else, (several, dofs)."""
+
+    def shift(self, change: Floats) -> None:
+        """Move the iterate by all of a change."""
+
+    def lay(self, forces: Floats) -> None:
+        """Balance the iterate with contact forces (count, dim)."""
+
+    def unbalanced(self, forces: Floats) -> float:
+        """Largest force that it leaves, over what rounding allows."""
+
+    def accept(self) -> None:
+        """End the step at the iterate."""
+
+
+class FiniteTipped:
+    """Stepper of a body with tips, by d coordinates of these; what is not said here is its own.
+
+    Attributes:
+        stepper: Of the body.
         counts: Whether this rank adds up what the joints of its tips store.
-        volatile: True.
+        volatile: Whether its answers change.
     """
 
     def __init__(
         self,
-        system: ElasticSystem,
-        solid: Any,
-        surface: SurfaceNodes,
-        transfer: Any,
-        dt: float,
-        linear_solver: str,
+        stepper: Following,
         nodes: SurfaceNodes,
         stations: Stations,
+        places: Floats | None,
+        *,
+        counts: bool,
     ) -> None:
-        """Prepare (collective).
+        """Take the tips (collective).
 
         Args:
-            system: As of `FiniteMidpoint`, and so are those up to the linear solver.
-            solid: See there.
-            surface: See there.
-            transfer: See there.
-            dt: [s].
-            linear_solver: See there.
+            stepper: Of the body.
             nodes: Of the tips.
             stations: Tips, whose rows are those of `nodes`.
-
-        Raises:
-            ConvergenceError: The tangent cannot be factored.
+            places: Of the owned nodes without displacement [m], (dofs,); None: arms do not turn.
+            counts: See above.
         """
-        super().__init__(system, solid, surface, transfer, dt, linear_solver)
-        self.body, self.counts = self, system.comm.rank == 0
-        self.volatile = np.ones(surface.count + 1, dtype=bool)  # its answers change with it
-        self._nodes, self._tips, self._far = nodes, FollowedTips(stations, system.dim), False
-        self._places = nodes.gather(system.positions.ravel()).ravel()
-        self._rows = self._tips.rows(self._places)
-        self._far = bool(solid.is_finite)
-        self._made = -1  # tangent by which the rows' answers are
-        self._begun: Floats | None = None  # rates of the tips at the start of the step
-        self._looks, self._laid = 0, np.zeros((surface.count, system.dim))
-        self._kicks: LinearSolver | None = None
+        self.stepper, self.counts, dim = stepper, counts, nodes.dim
+        self._nodes, self._tips = nodes, FollowedTips(stations, dim)
+        self._places = None if places is None else nodes.gather(places).ravel()
+        self._rows = self._tips.first
+        steady = stepper.leaps and (places is None or not self._tips.turns)
+        self.volatile = np.full(stepper.surface.count + 1, not steady)
+        self._made = -1  # operator by which the rows' answers are
+        self._begun: tuple[Floats, Floats] | None = None  # velocity, and rates of tips by it
+        self._looks, self._laid = 0, np.zeros((stepper.surface.count, dim))
+        self._change = stepper.joined = np.zeros_like(stepper.displacement)
+        self._joined = self._kick = np.zeros(len(self._rows))
+        self._ahead: tuple[Floats, Floats] | None = None  # rows at the end, how these are reached
         self._holder: HeldLumped | None = None
-        self._fields: tuple[Floats, Floats] | None = None  # contact forces, what answers to them
-        self.set_out(0.0, dt)
+        self.set_out(0.0, stepper.dt)
 
-    # ---- tips ----------------------------------------------------------------------------------
+    def __getattr__(self, name: str) -> Any:
+        """What the body has."""
+        if name == "stepper":
+            raise AttributeError
+        return getattr(self.stepper, name)
+
+    @property
+    def body(self) -> "FiniteTipped":
+        """Itself, as joints name what they hold."""
+        return self
 
     def held(self, stations: Stations) -> Held:
         """It as joints hold it."""
-        self._holder = HeldLumped(self, self._tips.as_coordinates(stations))
+        self._holder = HeldLumped(cast("Any", self), self._tips.as_coordinates(stations))
+        self._holder.jumped = self.stepper.leaps
         return self._holder
+
+    # ---- tips ----------------------------------------------------------------------------------
 
     def _rows_at(self, displacement: Floats) -> Floats:
         """Rates of the tips by those of their nodes, (d, nodes dim) (collective)."""
-        if not self._far:
+        if self._places is None:
             return self._rows
         return self._tips.rows(self._places + self._of_nodes(displacement))
 
     def _of_nodes(self, values: Floats) -> Floats:
         return self._nodes.gather(values).ravel()
 
-    def _pull(self, forces: Floats) -> Floats:
-        """Forces on the owned dofs by those on nodes of the tips (nodes dim,)."""
-        return self._nodes.pulled(forces.reshape(-1, self._system.dim), self._system.constrained)
+    def _pulled(self, rows: Floats) -> Floats:
+        """Forces on the owned dofs by several on nodes of the tips, (several, dofs)."""
+        held = self.stepper.constrained
+        each = rows.reshape(len(rows), -1, self._nodes.dim)
+        return np.stack([self._nodes.pulled(row, held) for row in each])
 
     def _refresh(self) -> None:
         """Rows as the step is solved now, and how tips answer by them (collective)."""
-        rows = self._rows_at(0.5 * (self.displacement + self._after))
-        made = self._solvers.generation
-        if self._made == made and np.array_equal(rows, self._rows):
+        stepper = self.stepper
+        rows = self._rows_at(0.5 * (stepper.displacement + stepper.after))
+        if self._made == stepper.generation and np.array_equal(rows, self._rows):
             return
-        assert self._solver is not None  # noqa: S101  (`_renew` came first)
-        self._rows, self._made, self._fields = rows, made, None
-        pulls = np.stack([self._pull(row) for row in rows])
-        self._by_impulses = np.stack(list(self._solver.solve_all(pulls))) / self._span
-        self._touched = np.stack([self._surface.gather(each) for each in self._by_impulses])
+        self._rows, self._made = rows, stepper.generation
+        self._by_impulses = stepper.answered(self._pulled(rows)) / stepper.span
+        self._touched = np.stack([stepper.surface.gather(each) for each in self._by_impulses])
         moved = np.stack([self._of_nodes(each) for each in self._by_impulses])
-        self.reach = 2.0 / self._span * rows @ moved.T
+        self.reach = 2.0 / stepper.span * rows @ moved.T
         if self._holder is not None:
             self._holder.renew()
 
     @property
-    def span(self) -> float:
-        """Of the step [s]."""
-        return self._span
-
-    @property
     def generation(self) -> int:
-        """Of the tangent, and of what joints do."""
-        return super().generation + self._looks
+        """Of the operator, and of what joints do."""
+        return self.stepper.generation + self._looks
 
     @property
     def noise(self) -> float:
         """Rounding of the tips' rates."""
-        far = float(np.abs(self._of_nodes(self._after)).max(initial=0.0)) + 0.1 * self.size
-        return _ROUNDED * far / self._span
+        stepper = self.stepper
+        far = float(np.abs(self._of_nodes(stepper.after)).max(initial=0.0)) + 0.1 * stepper.size
+        return _ROUNDED * far / stepper.span
 
     @property
     def joined_coordinates(self) -> Floats:
         """Displacements of the tips at the start of the step, and 0 for turns, (d,)."""
-        return self._tips.places(self._of_nodes(self.displacement))
+        return self._tips.places(self._of_nodes(self.stepper.displacement))
 
     @property
     def rates(self) -> Floats:
         """Of the tips at the start of the step, (d,) (collective)."""
-        if self._begun is None:
-            self._begun = self._rows_at(self.displacement) @ self._of_nodes(self.velocity)
-        return self._begun
+        stepper = self.stepper
+        if self._begun is None or self._begun[0] is not stepper.velocity:
+            rates = self._rows_at(stepper.displacement) @ self._of_nodes(stepper.velocity)
+            self._begun = stepper.velocity, rates
+        return self._begun[1]
 
     @property
     def rates_ahead(self) -> Floats:
         """Those that with `rates` make the ways and turns of the step, (d,) (collective)."""
-        return 2.0 / self._span * self._rows @ self._way - self.rates
+        return 2.0 / self.stepper.span * self._rows @ self._way - self.rates
 
     @property
     def _way(self) -> Floats:
-        return self._of_nodes(self._after - self.displacement)
+        return self._of_nodes(self.stepper.after - self.stepper.displacement)
 
     @property
     def rates_left(self) -> Floats:
         """Of the tips at its end, (d,) (collective)."""
-        speeds = 2.0 / self._span * self._way - self._of_nodes(self.velocity)
-        return self._rows_at(self._after) @ speeds
+        stepper = self.stepper
+        speeds = 2.0 / stepper.span * self._way - self._of_nodes(stepper.velocity)
+        return self._rows_at(stepper.after) @ speeds
 
     @property
     def reach_ahead(self) -> Floats:
         """At its end, of impulses that leave no time for anything else, (d, d) (collective)."""
-        rows = self._rows_at(self._after)
-        moved = np.stack([self._of_nodes(self._kicked(row)) for row in rows])
-        return np.asarray(rows @ moved.T)
-
-    def _kicked(self, impulses: Floats) -> Floats:
-        """Velocities by impulses on nodes of the tips, without time (collective)."""
-        if self._kicks is None:
-            self._kicks = of_mass(self._system.stiffness, self._mass, self._still, self._kind)
-        source, image = self._vectors
-        source.setArray(self._pull(impulses))
-        image.set(0.0)
-        self._kicks.solve(source, image)
-        return np.where(self._still, 0.0, image.getArray())
+        rows = self._rows_at(self.stepper.after)
+        if self._ahead is None or not np.array_equal(self._ahead[0], rows):
+            freed = self.stepper.freed(self._pulled(rows))
+            self._ahead = rows, rows @ np.stack([self._of_nodes(each) for each in freed]).T
+        return self._ahead[1]
 
     # ---- a step --------------------------------------------------------------------------------
 
     def set_out(self, start: float, end: float) -> None:
         """Take up a step between two times without forces of contact and joints (collective)."""
-        self.begin(start, end)
+        self.stepper.begin(start, end)
+        self.stepper.renew()
         self._joined = self._kick = np.zeros(len(self._rows))
-        self._begun, self._made = None, -1
-        self._renew()
         self._refresh()
 
     def impel(self, impulse: Floats) -> bool:
         """Move by what an impulse of the joints on the tips changes; others follow in iterates."""
         change, self._joined = impulse - self._joined, impulse
-        self._go(change @ self._by_impulses)
-        return False
+        self.stepper.shift(change @ self._by_impulses)
+        return not self.volatile[-1]
 
     def strike(self, forces: Floats) -> None:
         """Add the step's contact forces (count, dim) (collective)."""
         if forces.any():
-            self._go(self._solved(self._surface.pulled(forces, self._system.constrained)))
+            self.stepper.shift(self.stepper.moved(forces[None])[0])
 
-    def _go(self, change: Floats) -> None:
-        """Move the iterate, by all of a change, as joints count on it."""
-        self._after = self._after + change
-        if self._strain.is_inverted(self._after):
-            raise ConvergenceError("cells turn inside out")
-
-    def _pushed(self, forces: Floats) -> Floats:
-        """With those of the joints."""
-        joined = self._pull(self._joined / self._span @ self._rows)
-        return super()._pushed(forces) + joined
+    def _join(self) -> None:
+        """Tell the forces of the joints."""
+        acting = self._joined / self.stepper.span @ self._rows
+        self.stepper.joined = self._pulled(acting[None])[0]
 
     def known(self) -> tuple[Floats]:
         """Where the step ends by the last iterate."""
-        return (self._after.copy(),)
+        return (self.stepper.after.copy(),)
 
     def lay(self, forces: Floats) -> None:
         """Put the contact forces of the step (count, dim), and balance them (collective)."""
-        self._laid, known = forces, (self._stale, self._left)
-        self.unbalanced(forces)
-        self._stale, self._left = known
-        if self._stale:
-            self._renew()
-        self._move(self._solved(self._rest))
+        self._laid = forces
+        self._join()
+        self.stepper.lay(forces)
         self._refresh()
 
     def left(self, before: Floats, slack: float = 0.0) -> float:
@@ -227,15 +274,17 @@ class FiniteTipped(FiniteMidpoint):
             before: Where the last iterate ended [m].
             slack: Speeds by which joints round [m/s].
         """
-        left = self.unbalanced(self._laid)
-        self._change = self._after - before
-        rows = self._rows_at(0.5 * (self.displacement + self._after))
-        off = 2.0 / self._span * float(np.abs((rows - self._rows) @ self._way).max(initial=0.0))
+        stepper = self.stepper
+        self._join()
+        left = stepper.unbalanced(self._laid)
+        self._change = stepper.after - before
+        rows = self._rows_at(0.5 * (stepper.displacement + stepper.after))
+        off = 2.0 / stepper.span * float(np.abs((rows - self._rows) @ self._way).max(initial=0.0))
         return max(left, off / (self.noise + slack + _TINY))
 
     def linearise(self) -> Floats:
         """How contact nodes move by what balances the iterate (collective)."""
-        return self._surface.gather(self._change)
+        return self.stepper.surface.gather(self._change)
 
     def look(self) -> None:
         """See where tips are, and how they answer (collective)."""
@@ -250,26 +299,14 @@ class FiniteTipped(FiniteMidpoint):
         asked = np.flatnonzero(forces.any(axis=(1, 2)))
         found = np.zeros((len(forces), len(self._rows)))
         if len(asked):
-            moved = self._answering(np.ascontiguousarray(forces[asked]))
+            moved = self.stepper.moved(np.ascontiguousarray(forces[asked]))
             nodes = np.stack([self._of_nodes(each) for each in moved])
-            found[asked] = 2.0 / self._span**2 * nodes @ self._rows.T
+            found[asked] = 2.0 / self.stepper.span**2 * nodes @ self._rows.T
         return found
-
-    def _answers(self, forces: Floats) -> Floats:
-        return np.stack([self._surface.gather(each) for each in self._answering(forces)])
-
-    def _answering(self, forces: Floats) -> Floats:
-        """Displacements by contact forces (several, count, dim), asked for twice (collective)."""
-        if self._fields is None or not np.array_equal(self._fields[0], forces):
-            assert self._solver is not None  # noqa: S101  (`_renew` came first)
-            held = self._system.constrained
-            pushed = np.stack([self._surface.pulled(force, held) for force in forces])
-            self._fields = forces.copy(), np.stack(list(self._solver.solve_all(pushed)))
-        return self._fields[1]
 
     def carried(self, impulses: Floats) -> Floats:
         """Velocities of the contact nodes by impulses on the tips, (several, count, dim)."""
-        return 2.0 / self._span * np.tensordot(impulses, self._touched, axes=1)
+        return 2.0 / self.stepper.span * np.tensordot(impulses, self._touched, axes=1)
 
     def kick(self, impulse: Floats) -> None:
         """Let the next step start with rates that an impulse (d,) has changed."""
@@ -277,19 +314,8 @@ class FiniteTipped(FiniteMidpoint):
 
     def accept(self) -> None:
         """End the step at the iterate (collective)."""
-        super().accept()
+        stepper = self.stepper
+        stepper.accept()
         if self._kick.any():
-            more = self._kicked(self._kick @ self._rows_at(self.displacement))
-            self.velocity = self.velocity + more
-        self._begun = None
-
-    def restore(self, state: dict[str, Any], surface: Floats) -> None:
-        """Continue from a state."""
-        super().restore(state, surface)
-        self._begun = None
-
-    def destroy(self) -> None:
-        """Free PETSc's objects."""
-        if self._kicks is not None:
-            self._kicks.destroy()
-        super().destroy()
+            pulled = self._pulled((self._kick @ self._rows_at(stepper.displacement))[None])
+            stepper.velocity = stepper.velocity + stepper.freed(pulled)[0]

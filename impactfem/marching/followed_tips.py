@@ -30,6 +30,16 @@ class FollowedTips:
                 nodes = np.flatnonzero(shares)
                 self._turning.append((k, nodes, shares[nodes]))
 
+    @property
+    def turns(self) -> bool:
+        """Whether rates change with places."""
+        return bool(self._turning)
+
+    @property
+    def first(self) -> Floats:
+        """Rates of the tips by those of the nodes as given, (tips, nodes dim)."""
+        return np.asarray(self._rows[self._moves])
+
     def as_coordinates(self, stations: Stations) -> Stations:
         """The stations with rows of their own rates."""
         rows = np.eye(len(self._rows))[:, self._moves]
@@ -38,7 +48,7 @@ class FollowedTips:
     def rows(self, places: Floats) -> Floats:
         """Rates of the tips by those of the nodes, these at some places [m], (tips, nodes dim)."""
         if not self._turning:
-            return np.asarray(self._rows[self._moves])
+            return self.first
         found = self._rows.reshape(len(self._rows), -1, self._dim).copy()
         for k, nodes, shares in self._turning:
             made = tip(places.reshape(-1, self._dim)[nodes], shares)

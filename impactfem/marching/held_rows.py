@@ -131,7 +131,7 @@ class HeldLumped(HeldByRows[Linear]):
 
     Attributes:
         part: The bodies.
-        jumped: Never.
+        jumped: Whether rates are told where forces have changed them after the step.
     """
 
     def __init__(self, by: Linear, stations: Stations, part: Counting | None = None) -> None:

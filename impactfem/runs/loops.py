@@ -1,6 +1,6 @@
 """Make the time loop of a scene: bodies, their gaps, the solver of contact, their start."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any, cast
@@ -13,7 +13,7 @@ from impactfem.contact.gaps_beside import GapsBeside
 from impactfem.errors import SceneError
 from impactfem.fem import gather
 from impactfem.log import Progress
-from impactfem.marching.between_levels import BetweenLevels, Still
+from impactfem.marching.between_levels import BetweenLevels, LevelsBeside, Still
 from impactfem.marching.composite import Composite
 from impactfem.marching.coupled_levels import CoupledLevels
 from impactfem.marching.finite import FiniteMidpoint
@@ -179,12 +179,15 @@ class _Making:
         rest = started.rest
         return replace(self.settings, rest=(rest.multiplier, started.static, rest.rubbing))
 
-    def _brought_to_rest(self, bodies: Sequence[FiniteBody], interior: Stepper) -> Started | None:
+    def _brought_to_rest(
+        self, bodies: Sequence[FiniteBody], interior: Stepper, joined: NewtonBodies | None = None
+    ) -> Started | None:
         """Start bodies among which some have finite strain at rest, if their scene asks for it.
 
         Args:
             bodies: The solids.
             interior: What marches all bodies.
+            joined: Those among which joints are, if they are stepped apart.
 
         Returns:
             How they came to rest; None if it was not asked for.
@@ -211,7 +214,7 @@ class _Making:
                     found[slice(*own)] = part.system.mean(place)
             return found
 
-        started = self._start(resting, interior, np.zeros_like, arms, interior)
+        started = self._start(resting, interior, np.zeros_like, arms, joined or interior)
         for body, spin in zip(bodies, spins, strict=True):
             body.turn(spin)
         return started
@@ -253,25 +256,38 @@ class _Making:
             for part, surface, transfer in self.each
         ]  # fmt: skip
         together: LevelStepper = bodies[0] if self.alone else LeapfrogBodies(bodies)
-        started = self._brought_to_rest(bodies, together)
-        settings = self._beginning(started)
-        if not self.few:
+        tipped, gravity = {k: bodies[k] for k in self._tipped}, self.model.scene.vector_gravity
+        if not (self.few or tipped):
             march = LevelMarch if self.alone else CoupledLevels
-            return started, None, march(together, settings)
-        solids = {part.solid.name for part in self.model.parts}
+            started = self._brought_to_rest(bodies, together)
+            return started, None, march(together, self._beginning(started))
+        count, tips = sum(surface.count for surface in self.surfaces), dict[int, NewtonStepper]()
+        for k, body in tipped.items():
+            nodes, system = self.model.tips[k].nodes, self.each[k][0].system
+            free, places = body.hold(nodes, gravity), nodes.gather(system.positions.ravel())
+            given = free, free.nodes, self._tipped[k], places.ravel()
+            tips[k] = _finite_tipped(*given, counts=free.counts)
+        still = cast("NewtonStepper", Still(gravity, self.dt, count))
+        joined = self._joined([still, *tips.values()], tips)
+        started = self._brought_to_rest(bodies, together, joined)
+        settings, solids = self._beginning(started), {part.solid.name for part in self.model.parts}
         gaps = GapsBeside(*(each.gaps() for each in self.contacts.split(solids)))
-        own = np.array([bool({*names} & solids) for names in self.contacts.names])
-        count = sum(surface.count for surface in self.surfaces)
-        still = Still(self.model.scene.vector_gravity, self.dt, count)
-        joined = self._joined([cast("NewtonStepper", still)])
+        own = np.array([bool({*names} & solids) for names in self.contacts.names], dtype=bool)
         among = replace(settings.of(np.flatnonzero(~own), gaps.second), layers=0)
-        beside = BetweenLevels(joined, among, count)
+        beside = BetweenLevels(joined, among, count, tipped)
         settings = settings.of(np.argsort(~own, kind="stable"), cast("ContactGaps", gaps))
-        every = LeapfrogBodies([*bodies, beside])
+        every = LevelsBeside(bodies, beside)
         return started, joined, CoupledLevels(every, settings, beside)
 
-    def _joined(self, solids: Sequence[NewtonStepper]) -> NewtonBodies:
-        """Bodies without meshes behind others, in steps by iterates, with what joints hold."""
+    def _joined(
+        self, solids: Sequence[NewtonStepper], tips: Mapping[int, NewtonStepper]
+    ) -> NewtonBodies:
+        """Bodies without meshes behind others, in steps by iterates, with what joints hold.
+
+        Args:
+            solids: What is in front of them.
+            tips: Those of it that joints hold, by the places of their solids.
+        """
         joints, first = self.model.joints, len(self.each)
         beside = [
             cast("NewtonStepper", part)
@@ -282,7 +298,7 @@ class _Making:
         if joints is None:
             return NewtonBodies([*solids, *beside])
         each = joints.parts
-        held = _held([(solids[a] if a < first else self.few[a - first], own) for a, own in each])
+        held = _held([(tips[a] if a < first else self.few[a - first], own) for a, own in each])
         return JointedNewton([*solids, *beside], joints, held)
 
     @property
@@ -294,16 +310,17 @@ class _Making:
 
     def iterated(self) -> tuple[Started | None, Any, TimeLoop[Any]]:
         """Of bodies whose steps are solved by iterates; what joints hold is with them."""
-        kind = self.kind
-        bodies, held = list[FiniteMidpoint](), self._tipped
+        kind, held, bodies = self.kind, self._tipped, list[FiniteMidpoint]()
+        steppers = list[NewtonStepper]()
         for k, (part, surface, transfer) in enumerate(self.each):
-            given = part.system, part.solid, surface, transfer, self.dt, kind
+            made = FiniteMidpoint(part.system, part.solid, surface, transfer, self.dt, kind)
+            bodies.append(made)
+            steppers.append(cast("NewtonStepper", made))
             if k in held:
-                bodies.append(_finite_tipped(*given, self.model.tips[k].nodes, held[k]))
-            else:
-                bodies.append(FiniteMidpoint(*given))
-        steppers = cast("list[NewtonStepper]", bodies)
-        interior = steppers[0] if self.alone else self._joined(steppers)
+                places = part.system.positions.ravel() if part.solid.is_finite else None
+                counts, nodes = part.system.comm.rank == 0, self.model.tips[k].nodes
+                steppers[k] = _finite_tipped(made, nodes, held[k], places, counts=counts)
+        interior = steppers[0] if self.alone else self._joined(steppers, dict(enumerate(steppers)))
         started = self._brought_to_rest(bodies, interior)
         return started, interior, NewtonMarch(interior, self._beginning(started))
 
@@ -465,11 +482,11 @@ def _interior(
     return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)
 
 
-def _finite_tipped(*given: Any) -> FiniteMidpoint:
+def _finite_tipped(*given: Any, counts: bool) -> NewtonStepper:
     """See `FiniteTipped`."""
     from impactfem.marching.finite_tipped import FiniteTipped  # noqa: PLC0415  (if joints hold it)
 
-    return FiniteTipped(*given)
+    return cast("NewtonStepper", FiniteTipped(*given, counts=counts))
 
 
 def _free(part: SolidPart, surface: SurfaceNodes) -> Floats:

@@ -186,9 +186,3 @@ def _check_explicit(scene: Content) -> None:
         if body.name not in solids and (body.has_surface or not body.staggers):
             text = f" = {show(body.kind)}: beside solids in explicit steps {body.name} has none "
             raise KeyedError(f"body[{index}]", "kind", f"{text}that end amid theirs; {remedy}")
-    finite = {solid.name for solid in scene.solids if solid.is_finite}
-    for index, joint in enumerate(scene.couplings):
-        if held := sorted(joint.bodies & finite):
-            text = f" = {show(list(joint.between or ()))}: explicit steps under finite strain do "
-            where = scene.table_of(index)
-            raise KeyedError(where, "between", f"{text}not hold surfaces of {held[0]}; {remedy}")

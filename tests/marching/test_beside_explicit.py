@@ -224,12 +224,6 @@ def test_two_ranks_do_the_same(strain, monkeypatch):
                           "rolling_resistance": 1e-3}]},
             r"contact\[0\].rolling_resistance = 0.001: forces of explicit steps",
         ),
-        (
-            [BOX],
-            {"joint": [{"kind": "revolute", "name": "j", "between": ["s/top", "b"],
-                        "point": [0.05, 0.1]}]},
-            r"joint\[0\].between = .* under finite strain do not hold surfaces of s",
-        ),
     ],
 )  # fmt: skip
 def test_what_is_not_stepped_amid_layers_is_refused(bodies, more, says):
