@@ -3,6 +3,7 @@
 Slow ones run to the first limit, all to the second.
 """
 
+import gc
 import os
 import time
 from pathlib import Path
@@ -27,6 +28,16 @@ def pytest_collection_modifyitems(config, items):
         seen.add(test)
     config.hook.pytest_deselected(items=others)
     items[:] = kept
+
+
+gc.disable()  # while tests are collected, and nothing is to be given back
+
+
+def pytest_collection_finish():
+    """What lives to the end, of all tests and of libraries, is not searched for circles again."""
+    gc.collect()
+    gc.freeze()
+    gc.enable()
 
 
 def is_over(until):

@@ -72,9 +72,9 @@ def test_samples_are_those_of_the_discrete_loop():
 
 def test_part_of_the_steps_is_that_formula():
     """Without a clock a PD is the formula of its motor, also where impacts are located."""
-    one = impactfem.solve(turning(target="sin(t)", kp=30.0, kd=4.0))
+    one = impactfem.solve(turning(target="sin(t)", kp=30.0, kd=4.0, solve={"dt": 5e-3}))
     text = "30*(sin(t) - q) + 4*(0 - v)"
-    data = turning(kp=1.0).to_dict()
+    data = turning(kp=1.0, solve={"dt": 5e-3}).to_dict()
     data.pop("controller")
     data["joint"][0]["motor"] = text
     other = impactfem.solve(Scene.from_dict(data))
@@ -244,8 +244,8 @@ def test_a_solid_is_driven_by_what_a_probe_sees():
 def both():
     """Two controllers with clocks, memory, delay and noise."""
     hold = turning(
-        0.4, kind="pid", target="0.5*sin(3*t)", kp=40.0, kd=6.0, ki=30.0, limits=[-12.0, 12.0],
-        sample=0.004, delay=0.008, noise={"sigma": 1e-3, "seed": 1},
+        0.1, kind="pid", target="0.5*sin(3*t)", kp=40.0, kd=6.0, ki=30.0, limits=[-12.0, 12.0],
+        sample=0.004, delay=0.008, noise={"sigma": 1e-3, "seed": 1}, solve={"dt": 2e-4},
     ).to_dict()  # fmt: skip
     point = POINT | {"position": [3.0, 3.0], "force": ["0", "0"]}
     lift = {"name": "lift", "kind": "pd", "acts": "body.m.force.y", "of": "body.m.y",
@@ -281,8 +281,10 @@ def test_restart_and_states(tmp_path, monkeypatch):
 def test_outputs_from_python_are_those_of_the_same_law():
     """A law in Python, step by step, against the sampled one."""
     gains = {"kp": 200.0, "kd": 40.0}
-    whole = impactfem.solve(sliding(0.2, target=1.0, **gains, kind="pd", noise={"sigma": 0.0}))
-    sim = impactfem.Simulation(sliding(0.2, of=None, kind="external", limits=[-500.0, 500.0]))
+    one = sliding(0.2, target=1.0, **gains, kind="pd", noise={"sigma": 0.0})
+    other = sliding(0.2, of=None, kind="external", limits=[-500.0, 500.0])
+    whole = impactfem.solve(one.with_settings({"solve.dt": 1e-3}))
+    sim = impactfem.Simulation(other.with_settings({"solve.dt": 1e-3}))
     while not sim.done:
         now = sim.columns
         sim.step(outputs={"hold": 200.0 * (1.0 - now["m.x"]) - 40.0 * now["m.vx"]})
@@ -330,11 +332,13 @@ def test_what_is_refused(control, said):
 
 def test_what_is_told():
     def texts(scene):
-        found = impactfem.solve(scene).summary["verdict"]["findings"]
+        found = impactfem.solve(scene.with_settings({"solve.dt": 1e-3})).summary["verdict"][
+            "findings"
+        ]
         return [f["text"] for f in found if f["code"] == "controller"]
 
     assert any("lie within steps" in text for text in texts(
-        turning(0.1, kp=10.0, kd=1.0, sample=0.0015, solve={"dt": 0.001})
+        turning(0.1, kp=10.0, kd=1.0, sample=0.0015)
     ))  # fmt: skip
     assert any("taken as 3 samples" in text for text in texts(
         sliding(0.1, kp=10.0, sample=0.01, delay=0.027)

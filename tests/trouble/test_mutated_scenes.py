@@ -8,7 +8,7 @@ import pytest
 from trouble_process import started
 
 SCRIPT = Path(__file__).with_name("mutated_scenes.py")
-SCENES = 16
+SCENES = 8
 
 
 @pytest.mark.slow
