@@ -60,7 +60,7 @@ def driven(method, duration=2.2, **solve):
         "tractions": [
             {
                 "surface": "top",
-                "value": ["0", "-0.1*t*x - 9*max(0, 1 - abs(t - x/3 - 0.7)/1e-3)"],
+                "value": ["0", "-0.1*t*x - 0.9*max(0, 1 - abs(t - x/3 - 0.7)/1e-2)"],
             }
         ],
         "pressures": [{"surface": "right", "value": "0.05*sin(3*t)"}],
