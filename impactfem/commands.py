@@ -15,6 +15,7 @@ from impactfem.signals import InterruptedRunError, held_back
 
 if TYPE_CHECKING:
     from impactfem.facade import Result
+    from impactfem.inverse.gradients import TaylorCheck
     from impactfem.log import Progress
     from impactfem.models.kinematics import Kinematics
     from impactfem.planning import Plan
@@ -249,7 +250,7 @@ def gradient(given: argparse.Namespace) -> int:
     found = gradient_of(scene)
     on_root(lambda: write_gradient(found, folder))
     say(f"{gradient_table(found)}\n\nwritten to {folder}")
-    return _trusted(found.trusted, "this gradient", folder, found.doubts)
+    return _trusted("this gradient", folder, [*found.doubts, *_unchecked(found.check)])
 
 
 def identify(given: argparse.Namespace) -> int:
@@ -287,7 +288,7 @@ def trajectory(given: argparse.Namespace) -> int:
     on_root(lambda: write_trajectory(planned, ran, folder, record))
     say(f"{trajectory_table(planned, ran)}\n\nwritten to {folder}")
     doubts = *planned.found.doubts, *ran.doubts(planned.found.allowed)
-    return _trusted(not doubts, "this motion", folder, doubts)
+    return _trusted("this motion", folder, doubts)
 
 
 def _searched(
@@ -311,16 +312,28 @@ def _searched(
     on_root(lambda: verified.write_data(folder / "verified"))
     on_root(lambda: _add_pictures(verified, folder / "verified", Progress(enabled=False)))
     say(f"{shown(found)}\n\nAnswer, search and report: {folder}")
-    trusted = found.trusted and verified.summary["verdict"]["level"] != "do_not_trust"
-    return _trusted(trusted, "this answer", folder, found.doubts)
+    why = [*found.doubts, *_unchecked(found.check)]
+    if found.status != "converged":
+        why.append("the search did not converge")
+    faults = (f for f in verified.summary["verdict"]["findings"] if f["severity"] == "fault")
+    why += [
+        f"the search did well, but by its run ({folder / 'verified'}): {fault['text']}; "
+        f"{fault['remedy'] or 'take finer steps or elements'}"
+        for fault in faults
+    ]
+    return _trusted("this answer", folder, why)
 
 
-def _trusted(trusted: bool, what: str, folder: Path, doubts: Sequence[str]) -> int:
-    """The exit code of what is trusted or not, which is said."""
-    if trusted:
+def _unchecked(check: "TaylorCheck") -> list[str]:
+    """What the check of a gradient says against it, in words."""
+    return [] if check.passed else ["the check of its gradient failed"]
+
+
+def _trusted(what: str, folder: Path, why: Sequence[str]) -> int:
+    """The exit code of what is trusted or not, by what speaks against it, which is said."""
+    if not why:
         return DONE
-    why = doubts[0] if doubts else "its check failed, or the search did not converge"
-    complain(f"do not trust {what}: {why}; it is kept in {folder}")
+    complain(f"do not trust {what}: {why[0]}; it is kept in {folder}")
     return NOT_TRUSTED
 
 

@@ -6,7 +6,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.inverse.outcomes import Outcome
+from impactfem.inverse.outcomes import Outcome, amid
 from impactfem.inverse.quantities import Quantities
 from impactfem.marching.given import Given
 from impactfem.result.bar_motion import BarMotion
@@ -234,6 +234,11 @@ class ReadRun:
             found[f"{probe.name}.vx"] = partial(_at, Reading.rate, first, share)
         return found
 
+    @property
+    def end(self) -> float:
+        """Of the last level [s]."""
+        return self.dt * (len(self.u) - 1)
+
     def over(self, part: Part, time: float) -> Callable[[Reading, float], None]:
         """What is linear between levels, at a time [s]."""
         place = min(time / self.dt, len(self.u) - 1.0)
@@ -276,7 +281,10 @@ def read_numbers(
             found += [partial(Reading.speed, level=rebound, weight=sign)] * len(data.times)
         elif measure.of in parts:
             each = parts[measure.of]
-            found += [_weighted(run.over(each, time), 1.0) for time in data.times.tolist()]
+            times = data.times.tolist()
+            if not data.by_rows:
+                times = [amid(measure.of, time, run.dt, run.end) for time in times]
+            found += [_weighted(run.over(each, time), 1.0) for time in times]
         else:
             return None
     for term in quantities.all_terms:

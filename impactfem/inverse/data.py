@@ -25,11 +25,13 @@ class Data:
         times: [s], (n,).
         values: (n,); None if nothing was measured.
         sigma: Standard deviations (n,); None if unknown.
+        by_rows: Whether they are rows of a run: of forces means over the step before.
     """
 
     times: Floats
     values: Floats | None = None
     sigma: Floats | None = None
+    by_rows: bool = False
 
 
 def data_of(scene: Scene, index: int) -> Data:
@@ -82,7 +84,7 @@ def _of_run(scene: Scene, measure: Measure, where: str) -> Data:
     times, values = (np.asarray(history[name].values, float) for name in ("time", measure.of))
     both = times <= scene.duration * (1.0 + 1e-12)
     sigma = None if measure.sigma is None else np.full(np.count_nonzero(both), measure.sigma)
-    return Data(np.minimum(times[both], scene.duration), values[both], sigma)
+    return Data(np.minimum(times[both], scene.duration), values[both], sigma, by_rows=True)
 
 
 def _table(path: Path, where: str, measure: Measure) -> Floats:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.inverse.bars import BarRuns, differences, reader
-from impactfem.inverse.outcomes import Outcome, at_times
+from impactfem.inverse.outcomes import Outcome, at_times, means_at
 from impactfem.inverse.pulses import force_rise, pressed_time
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
@@ -109,6 +109,7 @@ class HeldSets(ABC):
             section * at(motion.end_work),
             {pair: float(row.force.max(initial=0.0))},
             rise={pair: force_rise(levels, motion.gap, row.force[:, 0])} if springy else {},
+            means=means_at(history, times),
         )
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:

@@ -24,6 +24,7 @@ class Outcome:
         touched: When each pair first touches [s]; NaN if it does not.
         rise: Mean rate of each pair's force up to half of the largest [N/s]; none where it jumps.
         driven: Work of what drives ends, which potential energies count [J], (rows,) or 0.
+        means: Of a run by steps its forces as rows have them, by column, (rows,).
     """
 
     history: Table
@@ -35,6 +36,7 @@ class Outcome:
     peak: Mapping[str, float] = field(default_factory=dict)
     touched: Mapping[str, float] = field(default_factory=dict)
     rise: Mapping[str, float] = field(default_factory=dict)
+    means: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def times(self) -> Floats:
@@ -54,17 +56,54 @@ class Outcome:
         ]
 
 
-def at_times(history: Table, times: Floats) -> Table:
-    """Columns of a history at some times [s], linear between its rows."""
+_MEANS = ("contact_force", "force", "tangential_force", "moment")
+
+
+def is_mean(name: str) -> bool:
+    """Whether rows of a column of a run by steps hold its mean over the step before them."""
+    kind, _, of = name.partition(".")
+    return kind in _MEANS or of.endswith(".force")
+
+
+def amid(name: str, time: float, dt: float, end: float) -> float:
+    """Time at which rows of a column have what acts at a time [s]: means act amid their step.
+
+    Args:
+        name: Of the column.
+        time: [s].
+        dt: Length of a step [s].
+        end: Of the run [s].
+    """
+    return min(max(time + 0.5 * dt, dt), end) if is_mean(name) else time
+
+
+def means_at(history: Table, times: Floats) -> dict[str, Floats]:
+    """Means over steps at some times [s], linear between the rows that have them."""
     levels = np.asarray(history["time"].values)
+    return {
+        name: np.asarray(np.interp(times, levels, np.asarray(column.values, float)))
+        for name, column in history.items()
+        if is_mean(name) and column.values.ndim == 1
+    }
+
+
+def at_times(history: Table, times: Floats) -> Table:
+    """Columns of a history by steps at some times [s].
+
+    Linear between its rows, means over steps between the middles of these, and constant beyond.
+    """
+    levels = np.asarray(history["time"].values)
+    middles = 0.5 * (levels[1:] + levels[:-1])
+
+    def told(name: str, values: Floats) -> Floats:
+        if is_mean(name):
+            return np.asarray(np.interp(times, middles, values[1:]))
+        return np.asarray(np.interp(times, levels, values))
+
     return Table.over_time(
         times,
         {
-            name: Series(
-                column.dims,
-                np.asarray(np.interp(times, levels, np.asarray(column.values, float))),
-                column.attrs,
-            )
+            name: Series(column.dims, told(name, np.asarray(column.values, float)), column.attrs)
             for name, column in history.items()
             if name != "time" and column.values.ndim == 1
         },

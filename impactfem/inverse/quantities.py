@@ -122,6 +122,8 @@ class Quantities:
         elif measure.of in outcome.names:
             column = outcome.history[measure.of]
             values, unit = np.asarray(column.values, dtype=float), str(column.attrs.get("units"))
+            if self.data[index].by_rows:  # means beside means
+                values = outcome.means.get(measure.of, values)
         else:
             near = nearest(measure.of, outcome.names)
             meant = f"did you mean {show(near)}?" if near else ""

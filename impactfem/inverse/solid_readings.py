@@ -10,6 +10,7 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.inverse.contact_spells import Pair, rebound_row
+from impactfem.inverse.outcomes import amid
 from impactfem.inverse.quantities import Quantities
 from impactfem.marching.collect import total
 from impactfem.marching.reversed_march import Reading, Trail
@@ -100,7 +101,7 @@ class Numbers:
         for measure, data in zip(quantities.scene.measures, quantities.data, strict=True):
             for time in data.times.tolist():
                 self._now = {}
-                if not self._measure(measure.of, time):
+                if not self._measure(measure.of, time, by_rows=data.by_rows):
                     return None
                 found.append(self._now)
         for term in quantities.all_terms:
@@ -113,7 +114,7 @@ class Numbers:
     def _put(self, level: int, add: Callable[[Reading], None]) -> None:
         self._now.setdefault(level, []).append(add)
 
-    def _measure(self, of: str, time: float) -> bool:
+    def _measure(self, of: str, time: float, *, by_rows: bool) -> bool:
         kind, _, name = of.partition(".")
         if kind == "rebound_speed" and name in self._names:
             body = self._names.index(name)
@@ -124,6 +125,8 @@ class Numbers:
         if kind == "impulse" and name in self._pairs:
             return self._over(partial(self._impulse, name), time)
         part = self._column(of)
+        if not by_rows:
+            time = amid(of, time, self._dt, self._layers * self._dt)
         return part is not None and self._over(part, time)
 
     def _term(self, term: Term, time: float) -> bool:

@@ -19,7 +19,7 @@ from impactfem.arrays import Booleans, Floats
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.inverse.bars import apart
 from impactfem.inverse.contact_spells import Pair, rebound_row
-from impactfem.inverse.outcomes import Outcome, at_times
+from impactfem.inverse.outcomes import Outcome, at_times, means_at
 from impactfem.inverse.pulses import rise_rate
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
@@ -172,6 +172,7 @@ class SolidRuns:
             of(lambda pair: float(pair.force.max(initial=0.0))),
             of(lambda pair: pair.begin),
             of(lambda pair: rise_rate(levels, pair.begin, pair.force[1:])),
+            means_at(history, times),
         )
         return outcome, pairs
 

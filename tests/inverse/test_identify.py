@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import impactfem
 from impactfem import Scene, SceneError
 from impactfem.cli import main
+from impactfem.findings import Finding
 from impactfem.inverse.written import identified_table
 
 G = 9.81
@@ -107,7 +109,7 @@ def test_what_the_data_do_not_tell_is_said(tmp_path):
         impactfem.identify(scene(tmp_path))
 
 
-def test_the_command(tmp_path, monkeypatch):
+def test_the_command(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write(tmp_path, 0.01, 5)
     path = tmp_path / "ball.toml"
@@ -124,6 +126,20 @@ def test_the_command(tmp_path, monkeypatch):
         rows = list(csv.DictReader(file))
     assert float(rows[-1]["objective"]) == pytest.approx(told["objective"]["final"])
     assert {"report.html", "identified.png", "verified"} <= {each.name for each in out.iterdir()}
+
+    # What speaks against the run of the answer alone is told apart from the search.
+    solve = impactfem.solve
+
+    def coarse(scene):
+        result = solve(scene)
+        fault = Finding("error_large", "fault", "it is coarse", remedy="take a smaller step")
+        result.summary["verdict"]["findings"].append(fault.as_dict())
+        return result
+
+    monkeypatch.setattr("impactfem.solving.solve", coarse)
+    assert main(["identify", str(path), "--restart", str(out)]) == 3
+    told = r"the search did well, but by its run \(.*verified\): it is coarse; take a smaller step"
+    assert re.search(told, capsys.readouterr().err)
 
 
 @pytest.mark.parametrize(
