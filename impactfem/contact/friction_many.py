@@ -107,14 +107,14 @@ class Many:
     def _spread(self, start: Floats) -> tuple[Any, ...]:
         """The problem as kernels take it: three components of each pair."""
         problem, (pairs, dim) = self.problem, start.shape
+        own, offset, force = np.zeros((pairs, 3, 3)), np.zeros((pairs, 3)), np.zeros((pairs, 3))
+        own[:, :dim, :dim], offset[:, :dim], force[:, :dim] = self.own, problem.offset, start
         if self._gathered is None:
             self._gathered = gathered_roots(*rows_of(self.matrix.roots), pairs, dim)
-        more = [(0, 0), (0, 3 - dim)]
-        own, offset = np.pad(self.own, [*more, more[1]]), np.pad(problem.offset, more)
         scale = np.ascontiguousarray(self._scale[:, :2])
         law = problem.friction, problem.base
         size = self.matrix.roots.shape[1]
-        return self._gathered, size, own, offset, law, scale, np.pad(start, more)
+        return self._gathered, size, own, offset, law, scale, force
 
     def residual(self, force: Floats) -> float:
         """Largest error of the law in a force, as a share of the largest force."""

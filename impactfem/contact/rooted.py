@@ -7,6 +7,7 @@ from scipy.sparse import csr_matrix
 
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.rooted_kernels import full_of, islands_among, own_of, squares_of
+from impactfem.contact.sparse_kernels import scaled_rows
 from impactfem.contact.sparse_rows import across, rows_of, times
 
 
@@ -48,7 +49,11 @@ class Rooted:
 
     def among(self, places: Integers) -> "Rooted":
         """The part of some rows and the same columns."""
-        return self if len(places) == len(self) else Rooted(csr_matrix(self.roots[places]))
+        if len(places) == len(self):
+            return self
+        ends, *entries = scaled_rows(*rows_of(self.roots), places, np.ones(len(places)))
+        shape = len(places), self.roots.shape[1]
+        return Rooted(csr_matrix((*reversed(entries), ends), shape=shape))
 
     def islands(self, dim: int) -> list[Integers]:
         """Pairs of so many rows that move each other: what acts on a body moves all of it."""

@@ -39,10 +39,7 @@ def opened(weights, roots, nodes, gaps, law, times):
     normals, gap, before, pushed, tangential, shift = gaps
     lively, slides, friction = law
     dim, tolerance = normals.shape[1], times[0]
-    beside = np.empty((len(nodes[0]), 4 * dim))
-    for k in range(4):
-        beside[:, dim * k : dim * (k + 1)] = nodes[k]
-    relative = times_rows(weights[0], weights[1], weights[2], beside)
+    relative = _relative(weights, nodes)
     told = approaching(relative, shift, normals, gap, before, pushed, lively, slides, times)
     rows, halfway, struck = told[0], told[1], told[6]
     count = len(rows)
@@ -56,6 +53,42 @@ def opened(weights, roots, nodes, gaps, law, times):
     jams = jamming(own, mu, ready[3]).any()
     jams = jams or (dim == 2 and count <= MOST_PAIRS and _may_jam(own, mu))
     return relative, told, ready, (ends, columns, values), acts, rubs, jams
+
+
+@compiled
+def _relative(weights, nodes):
+    """Differences in all gaps of some values of the nodes (nodes, dim), (gaps, several dim)."""
+    (ends, columns, values), dim = weights, nodes[0].shape[1]
+    found = np.zeros((len(ends) - 1, len(nodes) * dim))
+    for i in range(len(ends) - 1):
+        for k in range(ends[i], ends[i + 1]):
+            for q in range(len(nodes)):
+                for c in range(dim):
+                    found[i, q * dim + c] += values[k] * nodes[q][columns[k], c]
+    return found
+
+
+@compiled
+def _moved(weights, roots, nodal, size):
+    """Differences in all gaps of what forces on nodes (nodes, dim) do, (gaps, dim).
+
+    Of many nodes few are pushed, and few have weights: no other one is looked at.
+    """
+    (ends, columns, values), (starts, places, shares), dim = weights, roots, nodal.shape[1]
+    found, moving = np.zeros((len(ends) - 1, dim)), np.zeros(size)
+    for node in range(len(nodal)):
+        for c in range(dim):
+            if nodal[node, c] != 0.0:
+                for m in range(starts[node * dim + c], starts[node * dim + c + 1]):
+                    moving[places[m]] += shares[m] * nodal[node, c]
+    for i in range(len(ends) - 1):
+        for k in range(ends[i], ends[i + 1]):
+            for c in range(dim):
+                way, row = 0.0, columns[k] * dim + c
+                for m in range(starts[row], starts[row + 1]):
+                    way += shares[m] * moving[places[m]]
+                found[i, c] += values[k] * way
+    return found
 
 
 @compiled
@@ -90,8 +123,7 @@ def ended(weights, roots, size, rows, directions, gaps, relative, answers, force
     answered = times_rows(ends, columns, values, across_rows(ends, columns, values, flat, size))
     whole = vectors_of(rows, directions, force, count)
     nodal = across_rows(*weights, whole, (len(roots[0]) - 1) // dim)
-    moving = across_rows(*roots, nodal.reshape(-1, 1), size)
-    moved = times_rows(*weights, times_rows(*roots, moving).reshape(-1, dim))
+    moved = _moved(weights, roots, nodal, size)
     done = closing(
         rows, directions, normals, gap, relative, shift, force, answered.reshape(-1, dim), moved,
         whole, within * mu,

@@ -246,14 +246,17 @@ class RubbingMarch(SolidMarch):
         rows, _, self._normal_speed, self._mean_way, *approach = approach
         self._arriving, self._leaving, struck, _ = approach
         self._fast, self._braked = np.ones(count, dtype=bool), 0.0
-        self._slipping = relative[:, 2 * dim : 3 * dim] - shift[:, 2 * dim : 3 * dim]
         mu, (ends, columns, values) = law.coefficients[rows], answers
         matrix: Matrix = np.zeros(0)
         if many:
             matrix = Rooted(csr_matrix((values, columns, ends), shape=(way.size, size)))
         else:
             matrix = np.asarray(full_of(*answers, size))
-        slips = partial(self._slips, rows, directions)
+
+        def slips() -> Floats:
+            each = (values[rows, 2 * dim : 3 * dim] for values in (relative, shift))
+            return turned(directions, np.subtract(*each))
+
         self._in_turn(rows, struck[rows], matrix, slips, law)
         problem = ConeProblem(matrix, way, mu, np.zeros(len(rows)))
         force, systems = _acting(problem, near, acts, law)
