@@ -29,6 +29,7 @@ _EXACT = 1e-14  # share of the largest force by which the law may be missed
 _LEAST = 1e-12  # share of the deepest gap from which on a spring counts as pressed
 _TINY = 1e-30  # m
 _MOST = 100  # Newton steps
+_DIGIT = float(np.finfo(np.float64).eps)
 _SOFTEST = 1e6  # tangent over what answers to the force: beyond it a spring hardly pushes
 _RESOLVED = (20.0, 4.0)  # layers in a contact below which forces call for care, and are none
 
@@ -150,13 +151,17 @@ class ContactSprings:
             pushed, slope = self._law(depth)
             give = np.zeros(len(offset))
             give[there] = 1.0 / slope[there]
+            stiffened = give > softest
             give = np.minimum(give, softest)
             force, gap, count = obey(give, np.where(there, depth - give * pushed, 0.0))
             total, pressed = total + count, force > 0.0
             depth = depth + give * (force - pushed)
             missed = np.where(pressed, np.abs(self._law(depth)[0] - force), 0.0)[there]
             worst, last = missed.max(initial=0.0), worst
-            lost = self._rounding(depth, give)[there]
+            lost = self._rounding(depth, give)
+            # What the last digit of a depth makes of forces by tangents that are not the springs'.
+            lost[stiffened] += _DIGIT * depth[stiffened] / give[stiffened]
+            lost = lost[there]
             fine = (missed <= _EXACT * force.max(initial=0.0) + lost).all()
             # Below the tolerance steps go on while they gain.
             fine |= worst > 0.5 * last and (missed * give[there]).max(initial=0.0) <= tolerance

@@ -144,6 +144,14 @@ class Formula:
         """Of a measured signal: first and last time [s], and unit; None if it is none."""
         return None
 
+    def of(self, variables: tuple[str, ...]) -> "Formula":
+        """Return the same text as a formula of other variables.
+
+        Raises:
+            FormulaError: It uses others.
+        """
+        return Formula(self.text, variables)
+
     def plus(self, offset: float) -> "Formula":
         """Return this formula plus a finite number."""
         if isinstance(self._tree, float):

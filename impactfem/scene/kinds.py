@@ -308,7 +308,10 @@ class FormulaOf(Kind):
             if value.variables == self.variables:
                 return value
             with naming(dict(value.named)):  # it keeps what it uses by name
-                return self._read(value.text if value.record is None else value.plain)
+                try:
+                    return value.of(self.variables)
+                except FormulaError as error:
+                    raise NotAllowedError(error.why) from None
         return self._read(value)
 
     def _read(self, value: object) -> Formula:

@@ -37,11 +37,26 @@ class Measured(Formula):
         given: As the scene has it.
         unit: Of the column as its file says; empty if it says nothing.
         span: First and last time of the file [s].
+        base: Where its path starts.
     """
 
     given: Mapping[str, Any]
     unit: str
     span: tuple[float, float]
+    base: Path | None
+
+    @override
+    def of(self, variables: tuple[str, ...]) -> "Measured":
+        """As of other formulas; its file is where it was, whoever asks.
+
+        Raises:
+            NotAllowedError: They have no time.
+        """
+        token = FOLDER.set(self.base)
+        try:
+            return measured(self.given, variables)
+        finally:
+            FOLDER.reset(token)
 
     @property
     @override
@@ -92,6 +107,7 @@ def measured(given: Mapping[str, Any], variables: tuple[str, ...]) -> Measured:
     made._store(text, variables, whole.tree, (*whole.named, (f"{SIGNAL} {name}", node)))  # noqa: SLF001
     for field, value in (
         ("given", plain), ("unit", unit), ("span", (float(times[0]), float(times[-1]))),
+        ("base", FOLDER.get()),
     ):  # fmt: skip
         object.__setattr__(made, field, value)
     return made

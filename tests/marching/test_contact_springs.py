@@ -101,6 +101,18 @@ def test_a_ball_on_a_rigid_floor(kind, exponent):
     assert run.summary["contact"]["max_penetration"] < 1e-12
 
 
+def test_a_touch_much_softer_than_a_step_is_found():
+    """It ended in "forces of springs were not found": of its force 1e-14 are less than a digit."""
+    light = {"kind": "point", "name": "b", "mass": 0.01, "radius": 0.01, "velocity": [0.2, -1.0],
+             "position": [0.0, 0.0101]}  # fmt: skip
+    law = {"between": ["b", "floor"], "stiffness": 1e7, "stiffness_exponent": 1.5}
+    more = {"gravity": [0.0, -9.81], "solve": {"dt": 1e-6, "estimate": False}}
+    run = impactfem.solve(scene([light], law, 1.2e-4, obstacles=[FLOOR], **more))
+    depth = run.history["indentation"].values.max()
+    assert depth == pytest.approx(2e-5, rel=1e-2)
+    assert run.history["contact_force"].values[-1] == pytest.approx(1e7 * depth**1.5, rel=0.1)
+
+
 @pytest.mark.parametrize(("k", "exponent", "dt"), [(2e4, 1.0, 2e-3), (1e6, 1.5, 2e-3)])
 def test_a_ball_bounces_many_times_and_keeps_its_energy(k, exponent, dt):
     law = {"between": ["ball", "floor"], "stiffness": k, "stiffness_exponent": exponent}

@@ -1,5 +1,7 @@
 """Measured signals and controls of many pieces: tables in formulas."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -123,6 +125,17 @@ def test_signals_of_bars_gravity_and_controls(tmp_path):
     assert solve(both).history["p.vx"].values[-1] == pytest.approx(2.65, rel=1e-12)
     kept = both.to_toml(folder=tmp_path / "elsewhere")
     assert str(tmp_path / "f.csv") in kept
+
+
+def test_bodies_made_anew_find_their_files(tmp_path):
+    """As a plan does; a solid in the plane read them where the program was started."""
+    written(tmp_path)
+    solid = {"kind": "solid", "name": "s", "model": "plane_strain", "density": 1.0,
+             "youngs_modulus": 1.0, "poisson_ratio": 0.3, "mesh_size": 0.5,
+             "shape": {"kind": "block", "size": [1.0, 1.0], "corner": [0.0, 0.0]},
+             "tractions": [{"surface": "right", "value": [{"table": "f.csv"}, "0"]}]}  # fmt: skip
+    scene = Scene.from_dict({"title": "s", "duration": 1.0, "body": [solid]}, base=tmp_path)
+    assert replace(scene.bodies[0], density=2.0).tractions == scene.bodies[0].tractions
 
 
 def test_records_that_do_not_fit_are_refused(tmp_path):
