@@ -60,7 +60,7 @@ class Midpoint:
         Raises:
             ConvergenceError: The matrix cannot be factored.
         """
-        self.dt = dt
+        self.dt, self._kind = dt, linear_solver
         self.whole_columns: int | None = None
         self._system, self._surface, self._statics = system, surface, statics
         self.massive = self.radiating = self.volatile = np.zeros(surface.count, dtype=bool)

@@ -15,10 +15,9 @@ from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.layers import Sums
 from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.stations import Held
-from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import of_mass
 from impactfem.system.stations import Stations
-from impactfem.system.surface import SurfaceNodes, SurfaceStatics
+from impactfem.system.surface import SurfaceNodes
 
 
 class Tipped:
@@ -94,46 +93,26 @@ class TippedMidpoint(Tipped, Midpoint):
         span: Of the step [s].
     """
 
-    def __init__(
-        self,
-        system: ElasticSystem,
-        surface: SurfaceNodes,
-        statics: SurfaceStatics | None,
-        transfer: Any,
-        dt: float,
-        linear_solver: str,
-        nodes: SurfaceNodes,
-        stations: Stations,
-    ) -> None:
-        """Factor; solve for what impulses on tips do (collective).
-
-        Args:
-            system: As of `Midpoint`, and so are those up to the linear solver.
-            surface: See there.
-            statics: See there.
-            transfer: See there.
-            dt: [s].
-            linear_solver: See there.
-            nodes: Of the tips.
-            stations: Tips, whose rows are those of `nodes`.
+    def with_tips(self, nodes: SurfaceNodes, stations: Stations | None) -> "TippedMidpoint":
+        """Take tips, whose rows are those of nodes, and solve for what impulses do (collective).
 
         Raises:
             ConvergenceError: A matrix cannot be factored.
         """
-        super().__init__(system, surface, statics, transfer, dt, linear_solver)
-        self.counts, self.span = surface.comm.rank == 0, dt
+        self.counts, self.span = self._surface.comm.rank == 0, self.dt
         self._take_tips(nodes, stations)
         pulls = [self._pull(row) for row in self._rows]
-        self._by_impulses = np.array([self._solved(pull) for pull in pulls]) / dt
+        self._by_impulses = np.array([self._solved(pull) for pull in pulls]) / self.dt
         self._touched = np.array([self._answer_of_contact(each) for each in self._by_impulses])
-        self.reach = 2.0 / dt * self._of_tips(self._by_impulses).T
-        self._by_kicks = self._kicked(pulls, linear_solver)
+        self.reach = 2.0 / self.dt * self._of_tips(self._by_impulses).T
+        self._by_kicks = self._kicked(pulls)
         self.reach_ahead, self.noise = self._of_tips(self._by_kicks).T, 0.0
         self._renew()
+        return self
 
-    def _kicked(self, pulls: list[Floats], linear_solver: str) -> Floats:
+    def _kicked(self, pulls: list[Floats]) -> Floats:
         """Velocities by unit impulses that leave no time for anything else, (d, owned dofs)."""
-        solver = of_mass(self._system.stiffness, self._mass, self._still, linear_solver)
+        solver = of_mass(self._system.stiffness, self._mass, self._still, self._kind)
         found = np.zeros((len(pulls), len(self._still)))
         for k, pull in enumerate(pulls):
             self._right.setArray(pull)

@@ -26,9 +26,8 @@ from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.meshless import step_length
 from impactfem.marching.staggered import FIRST
 from impactfem.marching.tipped import Tipped
-from impactfem.system.elastic import ElasticSystem
 from impactfem.system.stations import Stations
-from impactfem.system.surface import SurfaceNodes, SurfaceStatics
+from impactfem.system.surface import SurfaceNodes
 
 
 class TippedLeapfrog(Tipped, Leapfrog):
@@ -42,31 +41,17 @@ class TippedLeapfrog(Tipped, Leapfrog):
     reversible = False
     blocks = 2
 
-    def __init__(
-        self,
-        system: ElasticSystem,
-        surface: SurfaceNodes,
-        statics: SurfaceStatics | None,
-        transfer: Any,
-        dt: float,
-        nodes: SurfaceNodes,
-        stations: Stations | None,
-    ) -> None:
-        """Prepare; find what impulses on tips do (collective).
+    def with_tips(self, nodes: SurfaceNodes, stations: Stations | None) -> "TippedLeapfrog":
+        """Take tips, whose rows are those of nodes, and find what impulses on them do (collective).
 
         Args:
-            system: As of `Leapfrog`, and so are those up to ``dt``.
-            surface: See there.
-            statics: See there.
-            transfer: See there.
-            dt: [s].
             nodes: Of the tips.
-            stations: Tips, whose rows are those of `nodes`; None: nothing holds it.
+            stations: Tips; None: nothing holds it.
         """
-        super().__init__(system, surface, statics, transfer, dt)
-        self.counts, self.span, self.noise = surface.comm.rank == 0, dt, 0.0
+        surface = self._surface
+        self.counts, self.span, self.noise = surface.comm.rank == 0, self.dt, 0.0
         self._still = self._inverse == 0.0
-        self._free = surface.gather((~system.constrained).astype(float))
+        self._free = surface.gather((~self._system.constrained).astype(float))
         # Way to the first level over that with the velocity in the step, as of all that is held.
         self._first = 1.0 if stations is None else FIRST
         self._starts, self._behind, self._began = False, 0.0, 0.0
@@ -74,6 +59,7 @@ class TippedLeapfrog(Tipped, Leapfrog):
         self._take_tips(nodes, stations)
         self._find_answers()
         self._renew()
+        return self
 
     def _find_answers(self) -> None:
         """What impulses on tips that leave no time for anything else do (collective)."""

@@ -49,7 +49,6 @@ from impactfem.runs.static_start import Started, linear_bodies, spin_of, start_a
 from impactfem.scene import Scene
 from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
-from impactfem.system.tips import Tips
 
 if TYPE_CHECKING:
     from impactfem.contact.impact_law import Law
@@ -328,20 +327,19 @@ class _Making:
         """Of bodies whose steps are linear but for contact; what joints hold is with them."""
         model, joints, settings = self.model, self.model.joints, self.settings
         kind, few = self.kind, self.few
-        holds = () if joints is None else joints.parts
-        tipped, solids = dict(holds), list[Interior]()
-        tips: dict[int, Interior] = {}
+        tipped = self._tipped
         # Solids in explicit steps of which joints hold some take steps that end amid layers, too.
-        led = self.scheme.explicit and any(k in tipped for k in range(len(self.each)))
-        for k, parts in enumerate(self.each):
-            if led:
-                tips[k] = _tipped_leapfrog(*parts, self.dt, model.tips[k], tipped.get(k))
-            elif k in tipped:
-                _check_tipped(self.scheme, parts[0])
-                tips[k] = _tipped(*parts, self.dt, kind, model.tips[k].nodes, tipped[k])
-            solids.append(tips.get(k) or _interior(*parts, self.scheme, self.dt, kind))
+        led = self.scheme.explicit and bool(tipped)
+        solids = [
+            _interior(
+                *parts, self.scheme, self.dt, kind,
+                (model.tips[k].nodes, tipped.get(k)) if led or k in tipped else None,
+            )
+            for k, parts in enumerate(self.each)
+        ]  # fmt: skip
         steppers, movable = _steppers(model, few), [_free(*parts[:2]) for parts in self.each]
-        held = _held([(tips.get(at) or few[at - len(solids)], own) for at, own in holds])
+        every, holds = [*solids, *few], () if joints is None else joints.parts
+        held = _held([(every[at], own) for at, own in holds])
         amid = self.scheme.explicit and (led or steppers)  # bodies whose steps end amid layers
         inner, free = ([*solids, *steppers], movable)
         if amid and not led:
@@ -413,53 +411,6 @@ def _solver(numbers: "MarchNumbers", tolerance: float) -> Solver:
     return solve_by_active_set(tolerance, numbers.max_iterations)
 
 
-def _check_tipped(scheme: SolidScheme, part: SolidPart) -> None:
-    """Refuse joints on a solid whose inside an extension moves.
-
-    Raises:
-        SceneError: naming the method.
-    """
-    if callable(scheme.interior):
-        made = getattr(scheme.interior, "__name__", "")
-        raise SceneError(
-            f"solve.method: the inside of {part.solid.name} is moved by {made}, and joints hold "
-            'solids in the midpoint rule only; give another, as "massless", or leave the joint out'
-        )
-
-
-def _tipped(
-    part: SolidPart,
-    surface: SurfaceNodes,
-    transfer: object,
-    dt: float,
-    linear_solver: str,
-    nodes: SurfaceNodes,
-    stations: Stations,
-) -> TippedMidpoint:
-    statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
-    return TippedMidpoint(
-        part.system, surface, statics, transfer, dt, linear_solver, nodes, stations
-    )
-
-
-def _tipped_leapfrog(
-    part: SolidPart,
-    surface: SurfaceNodes,
-    transfer: object,
-    dt: float,
-    tips: Tips,
-    stations: Stations | None,
-) -> Interior:
-    """See `TippedLeapfrog`."""
-    from impactfem.marching.tipped_leapfrog import TippedLeapfrog  # noqa: PLC0415  (rarely asked)
-
-    statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
-    return cast(
-        "Interior",
-        TippedLeapfrog(part.system, surface, statics, transfer, dt, tips.nodes, stations),
-    )
-
-
 def _interior(
     part: SolidPart,
     surface: SurfaceNodes,
@@ -467,19 +418,34 @@ def _interior(
     scheme: SolidScheme,
     dt: float,
     linear_solver: str,
+    tips: tuple[SurfaceNodes, Stations | None] | None,
 ) -> Interior:
+    """What steps a solid; with ``tips`` as joints hold it, or beside one that they hold."""
     statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
+    given = part.system, surface, statics, transfer, dt
     if scheme.explicit:
-        return Leapfrog(part.system, surface, statics, transfer, dt)
-    if callable(scheme.interior):
-        if part.solid.relaxing:
-            raise SceneError(
-                f"solve.method: an extension moves the inside of {part.solid.name}, and its "
-                'Maxwell terms (viscoelastic) relax in the midpoint rule only; give "massless"'
-            )
-        made: Interior = scheme.interior(part.system, surface, statics, transfer, dt, linear_solver)
-        return made
-    return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)
+        if tips is None:
+            return Leapfrog(*given)
+        from impactfem.marching.tipped_leapfrog import TippedLeapfrog  # noqa: PLC0415  (rarely)
+
+        return cast("Interior", TippedLeapfrog(*given).with_tips(*tips))
+    if not callable(scheme.interior):
+        if tips is None:
+            return Midpoint(*given, linear_solver)
+        return TippedMidpoint(*given, linear_solver).with_tips(*tips)
+    if tips is not None:
+        name = getattr(scheme.interior, "__name__", "")
+        raise SceneError(
+            f"solve.method: the inside of {part.solid.name} is moved by {name}, and joints hold "
+            'solids in the midpoint rule only; give another, as "massless", or leave the joint out'
+        )
+    if part.solid.relaxing:
+        raise SceneError(
+            f"solve.method: an extension moves the inside of {part.solid.name}, and its "
+            'Maxwell terms (viscoelastic) relax in the midpoint rule only; give "massless"'
+        )
+    made: Interior = scheme.interior(*given, linear_solver)
+    return made
 
 
 def _finite_tipped(*given: Any, counts: bool) -> NewtonStepper:
