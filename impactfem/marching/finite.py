@@ -13,7 +13,7 @@ momentum are kept to rounding in flight, and in contact as far as its law does
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,6 +47,9 @@ class FiniteMidpoint(FiniteBody):
 
     Attributes:
         surface: Contact nodes.
+        constrained: Owned dofs that supports hold.
+        span: Of the step [s].
+        after: Displacement of the owned dofs at its end, by the last iterate [m].
         joined: Forces of joints on the owned dofs in the step [N]; None where none hold it.
         leaps: False.
     """
@@ -107,7 +110,8 @@ class FiniteMidpoint(FiniteBody):
         self._work = 0.0
         self._stale, self._left = True, np.inf
         self._change = np.zeros_like(self.displacement)
-        self.surface, self.joined = surface, cast("Floats | None", None)
+        self.surface, self.constrained = surface, system.constrained
+        self.joined: Floats | None = None
         self._freeing: LinearSolver | None = None
         self._moved: tuple[int, Floats, Floats] | None = None  # generation, forces, ways
 
@@ -137,7 +141,7 @@ class FiniteMidpoint(FiniteBody):
     @property
     def surface_iterate(self) -> Floats:
         """The same at the end of the step, as the last iterate has it (collective)."""
-        return self._surface.gather(self._after)
+        return self._surface.gather(self.after)
 
     def arms(self, middle: Floats) -> Floats:
         """Displacement of contact nodes amid the step, as moments have it, (count, dim).
@@ -148,7 +152,7 @@ class FiniteMidpoint(FiniteBody):
         if self._turning is None:
             return middle
         dim = self._system.dim
-        mean = 0.5 * (self.displacement + self._after)
+        mean = 0.5 * (self.displacement + self.after)
         own = np.stack([self._weights * mean, self._weights]).reshape(2, -1, dim).sum(axis=1)
         moved, mass = np.asarray(self._system.comm.allreduce(own, op=MPI.SUM))
         centre = moved / np.where(mass > 0.0, mass, 1.0)
@@ -168,7 +172,7 @@ class FiniteMidpoint(FiniteBody):
             ConvergenceError: Its first guess turns cells inside out.
         """
         system, drive = self._system, self._drive
-        self._span = step = end - start
+        self.span = step = end - start
         self._strain.retard(system.rayleigh_stiffness, step)
         self._strain.press(start, end)
         gravity = drive.gravity(start, end)
@@ -177,14 +181,14 @@ class FiniteMidpoint(FiniteBody):
         if drive.is_active:
             self._dead = drive.load(start, end)
             self._loads = self._loads + self._dead
-        self._after = self.displacement.copy()
+        self.after = self.displacement.copy()
         if drive.has_moved:
-            self._after[drive.moved] = system.supports.motion(end)[0]
+            self.after[drive.moved] = system.supports.motion(end)[0]
         change = step * self.velocity
         change[system.constrained] = 0.0
         self._move(change)
         momentum = np.abs(self._times_mass(self.velocity)).max(initial=0.0)
-        far = system.comm.allreduce(float(np.abs(self._after).max(initial=0.0)), op=MPI.MAX)
+        far = system.comm.allreduce(float(np.abs(self.after).max(initial=0.0)), op=MPI.MAX)
         self._inertia_scale = _SHARE * 2.0 / step * float(momentum)
         # Coordinates round, and so does what strain and inertia make of their differences.
         stiffness = self._stiffest + 2.0 / step**2 * self._heaviest
@@ -193,7 +197,7 @@ class FiniteMidpoint(FiniteBody):
     @property
     def surface_way(self) -> Floats:
         """How far the contact nodes move in the step [m], (count, dim) (collective)."""
-        return self._surface.gather(self._after - self.displacement)
+        return self._surface.gather(self.after - self.displacement)
 
     def touch(self, normals: Floats) -> None:
         """Nothing: nodes touch themselves."""
@@ -208,11 +212,11 @@ class FiniteMidpoint(FiniteBody):
         Args:
             forces: On the contact nodes at the mean places [N], (count, dim).
         """
-        system, step = self._system, self._span
-        moved = self._after - self.displacement
-        inside = self._strain.force(self.displacement, self._after)
+        system, step = self._system, self.span
+        moved = self.after - self.displacement
+        inside = self._strain.force(self.displacement, self.after)
         pushed = self._pushed(forces)
-        self._pressed = self._strain.pressed(self.displacement, self._after)
+        self._pressed = self._strain.pressed(self.displacement, self.after)
         rate = moved / step
         inert = self._times_mass(
             (2.0 / step) * (rate - self.velocity) + system.rayleigh_mass * rate
@@ -257,8 +261,8 @@ class FiniteMidpoint(FiniteBody):
     def renew(self) -> None:
         """Factor the tangent of the iterate (collective)."""
         self._stale = False
-        self._strain.put(self.displacement, self._after)
-        self._solver = self._solvers.renew(self._span)
+        self._strain.put(self.displacement, self.after)
+        self._solver = self._solvers.renew(self.span)
 
     def answers(self, forces: Floats) -> Floats:
         """How contact nodes answer to forces on them at the iterate, (several, count, dim)."""
@@ -305,9 +309,9 @@ class FiniteMidpoint(FiniteBody):
     def _move(self, change: Floats) -> None:
         """Add as much of a change as turns no cell inside out."""
         for _ in range(_HALVINGS):
-            after = self._after + change
+            after = self.after + change
             if not self._strain.is_inverted(after):
-                self._after = after
+                self.after = after
                 return
             change = 0.5 * change
         raise ConvergenceError("cells turn inside out")
@@ -323,8 +327,8 @@ class FiniteMidpoint(FiniteBody):
 
     def accept(self) -> None:
         """End the step at the iterate."""
-        step = self._span
-        moved = self._after - self.displacement
+        step = self.span
+        moved = self.after - self.displacement
         free = ~self._system.constrained
         self._work += float(self._pressed[free] @ moved[free])
         if self._drive.is_active:
@@ -334,8 +338,8 @@ class FiniteMidpoint(FiniteBody):
         new = (2.0 / step) * moved - self.velocity
         drift = moved / step
         self.velocity = np.where(self._still, drift, new)
-        self._strain.settle(self.displacement, self._after)
-        self.displacement = self._after
+        self._strain.settle(self.displacement, self.after)
+        self.displacement = self.after
 
     def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up (collective)."""
@@ -378,21 +382,6 @@ class FiniteMidpoint(FiniteBody):
 
     # ---- what joints ask, see `impactfem.marching.finite_tipped` -------------------------------
 
-    @property
-    def constrained(self) -> Booleans:
-        """Owned dofs that supports hold."""
-        return self._system.constrained
-
-    @property
-    def span(self) -> float:
-        """Of the step [s]."""
-        return self._span
-
-    @property
-    def after(self) -> Floats:
-        """Displacement of the owned dofs at the end of the step, by the last iterate [m]."""
-        return self._after
-
     def answered(self, forces: Floats) -> Floats:
         """Displacements by several forces on owned dofs at the iterate, (several, dofs)."""
         assert self._solver is not None  # noqa: S101  (`renew` came first)
@@ -410,8 +399,8 @@ class FiniteMidpoint(FiniteBody):
         Raises:
             ConvergenceError: Cells turn inside out.
         """
-        self._after = self._after + change
-        if self._strain.is_inverted(self._after):
+        self.after = self.after + change
+        if self._strain.is_inverted(self.after):
             raise ConvergenceError("cells turn inside out")
 
     def lay(self, forces: Floats) -> None:

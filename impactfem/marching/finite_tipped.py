@@ -7,87 +7,31 @@ iterate of the step its operator A tells how tips answer to impulses p of the jo
     du = A^-1 J^T p / dt,    rates 2 J du / dt,
 
 so that joints are met by Newton's iterates as contact is. A is the tangent of a solid in implicit
-steps, and of nodes of one in explicit steps 2 M / dt^2 (`impactfem.marching.free_nodes`).
+steps, and of nodes of one in explicit steps 2 M / dt^2 (`impactfem.marching.free_nodes`). Steppers
+tell where a step starts (``displacement``, ``velocity``) and ends by the iterate (``after``), the
+answers of owned dofs to forces (``answered``, ``moved`` of contact) and to impulses that leave no
+time (``freed``), move by all of a change (``shift``) or by what balances the iterate with the
+forces of joints (``joined``, ``lay``), and say whether rates are told where forces have changed
+them after the step (``leaps``).
 """
 
-from typing import Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from impactfem.arrays import Booleans, Floats
+from impactfem.arrays import Floats
 from impactfem.marching.followed_tips import FollowedTips
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.stations import Held
 from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes
 
+if TYPE_CHECKING:
+    from impactfem.marching.finite import FiniteMidpoint
+    from impactfem.marching.free_nodes import FreeNodes
+
 _ROUNDED = 64.0 * float(np.finfo(float).eps)  # of places, in the ways of tips
 _TINY = float(np.finfo(float).tiny)
-
-
-class Following(Protocol):
-    """What is asked of the stepper; vectors are of the dofs that this rank owns.
-
-    Attributes:
-        dt: Length of a layer [s].
-        size: Largest extent of the body [m].
-        surface: Contact nodes.
-        displacement: At the start of the step [m].
-        velocity: There [m/s]; a new array for each step.
-        joined: Forces of joints in the step [N].
-        leaps: Whether rates are told where forces have changed them after the step.
-    """
-
-    dt: float
-    size: float
-    surface: SurfaceNodes
-    displacement: Floats
-    velocity: Floats
-    joined: Floats | None
-    leaps: bool
-
-    @property
-    def constrained(self) -> Booleans:
-        """What supports hold."""
-
-    @property
-    def span(self) -> float:
-        """Of the step [s]."""
-
-    @property
-    def after(self) -> Floats:
-        """Displacement at its end, by the last iterate [m]."""
-
-    @property
-    def generation(self) -> int:
-        """Of the operator: answers change with it."""
-
-    def begin(self, start: float, end: float) -> None:
-        """Take up a step between two times."""
-
-    def renew(self) -> None:
-        """Take the operator of the iterate."""
-
-    def answered(self, forces: Floats) -> Floats:
-        """Displacements by several forces at the iterate, (several, dofs)."""
-
-    def moved(self, forces: Floats) -> Floats:
-        """The same by several contact forces (several, count, dim)."""
-
-    def freed(self, impulses: Floats) -> Floats:
-        """Velocities by several impulses that leave no time for anything else, (several, dofs)."""
-
-    def shift(self, change: Floats) -> None:
-        """Move the iterate by all of a change."""
-
-    def lay(self, forces: Floats) -> None:
-        """Balance the iterate with contact forces (count, dim)."""
-
-    def unbalanced(self, forces: Floats) -> float:
-        """Largest force that it leaves, over what rounding allows."""
-
-    def accept(self) -> None:
-        """End the step at the iterate."""
 
 
 class FiniteTipped:
@@ -101,7 +45,7 @@ class FiniteTipped:
 
     def __init__(
         self,
-        stepper: Following,
+        stepper: "FiniteMidpoint | FreeNodes",
         nodes: SurfaceNodes,
         stations: Stations,
         places: Floats | None,

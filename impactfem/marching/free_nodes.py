@@ -23,7 +23,7 @@ from impactfem.system.surface import SurfaceNodes
 
 
 class FreeNodes(Still):
-    """They, the same on every rank; see `impactfem.marching.finite_tipped.Following`.
+    """They, the same on every rank; see `impactfem.marching.finite_tipped`.
 
     Attributes:
         nodes: They, as if this rank owned all.
