@@ -104,8 +104,9 @@ def tree_model(scene: Scene) -> TreeModel:
 
 def _model(scene: Scene, known: Symbolic, gaps: Sequence[Closing]) -> TreeModel:
     casadi, tree = loaded(), known.tree
+    readers = [control.reader(scene.duration) for control in scene.controls]
     system = system_of(
-        known, gaps, lambda t: np.array([float(c.at(t, scene.duration)) for c in scene.controls]),
+        known, gaps, lambda t: np.array([read(t) for read in readers]),
         lambda end: _stops(scene, end),
     )  # fmt: skip
     elastic = casadi.Function("elastic", [tree.q], [sum(tree.elastic, casadi.SX(0))])

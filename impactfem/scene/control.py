@@ -2,7 +2,8 @@
 
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, cast
 
@@ -149,6 +150,14 @@ class Control:
         place = np.searchsorted(times, now, side="right") - 1
         inside = (place >= 0) & (place < self.pieces)
         return np.where(inside, values[np.clip(place, 0, self.pieces - 1)], 0.0)
+
+    def reader(self, duration: float) -> Callable[[float], float]:
+        """The same of one time, for many calls."""
+        times, values = self.times(duration), np.array(self.values)
+        if self.is_linear:
+            return lambda t: float(np.interp(t, times, values, left=0.0, right=0.0))
+        ends, each = times.tolist(), [0.0, *values.tolist(), 0.0]
+        return lambda t: each[bisect_right(ends, t)]
 
     def effort(self, duration: float) -> float:
         """Integral of its square over time."""

@@ -6,7 +6,7 @@ vibro-impact and its numerical consequences (2000), equations (1) to (5); there 
 t, u and p = M(u) u', here of t, u and v = u'.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -146,6 +146,19 @@ class GeneralizedSystem:
         """Whether only forces change with u: mass and constraints' Jacobian do not."""
         known = self._mass is not None and self._rows is not None
         return known and self.rates is None and self.bilateral is None
+
+    @property
+    def kin(self) -> Hashable:
+        """What systems share that are one function of t, u, v and `given`; None: no others are."""
+        return None
+
+    def given(self, t: float) -> Floats:
+        """What it alone is given at a time, (m,)."""
+        raise NotImplementedError
+
+    def accelerations(self, t: Floats, u: Floats, v: Floats, given: Floats) -> Floats:
+        """Of several kin without contact, (k, d); arguments of each in a row."""
+        raise NotImplementedError
 
     def mass(self, u: Floats) -> Floats:
         """Mass matrix M(u), shape (d, d)."""

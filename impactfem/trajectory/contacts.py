@@ -5,8 +5,9 @@ coordinates and that of its slip t: Newton's law n . v+ = -e n . v- and Coulomb'
 of which mu is what brings the slip to -e_t of what it was, if the cone lets it.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from typing import Any, override
 
@@ -256,7 +257,11 @@ class _TreeSystem(GeneralizedSystem):
         slopes, slip = casadi.jacobian(still, q), casadi.vertcat(casadi.SX(0, count), *slips)
         self._bends = _array("bends", [q, v], casadi.jtimes(slopes @ v, q, v))
         self._slip_bends = _array("slip_bends", [q, v], casadi.jtimes(slip @ v, q, v))
-        force = _array("force", [t, q, v, u], tree.force())
+        function = casadi.Function("force", [t, q, v, u], [tree.force()])
+        inertia = casadi.Function("mass", [q], [tree.mass()])
+        self._kin = function, inertia
+        self._control = control
+        force, mass = _told(function), _told(inertia)
 
         def pushed(t: float, q: Floats, v: Floats) -> Floats:
             return force(t, q, v, control(t)).ravel()
@@ -265,7 +270,7 @@ class _TreeSystem(GeneralizedSystem):
         phi = _array("phi", [q], still)
         energy = _array("energy", [q], sum(tree.elastic + tree.falls, casadi.SX(0)))
         super().__init__(
-            mass=_array("mass", [q], tree.mass()), dofs=count, force=pushed,
+            mass=mass, dofs=count, force=pushed,
             constraints=lambda q: phi(q).ravel(), jacobian=_array("slopes", [q], slopes),
             restitution=[each.restitution for each in gaps],
             friction=[each.friction for each in gaps],
@@ -274,6 +279,23 @@ class _TreeSystem(GeneralizedSystem):
             potential=lambda _, q: energy(q).item(),
             names=[freedom.name for freedom in tree.freedoms],
         )  # fmt: skip
+
+    @cached_property
+    def kin(self) -> Hashable:
+        """Forces and mass as text: those of controls, restitution or limits alone are the same."""
+        return tuple(function.serialize() for function in self._kin)
+
+    @override
+    def given(self, t: float) -> Floats:
+        return self._control(t)
+
+    @override
+    def accelerations(self, t: Floats, u: Floats, v: Floats, given: Floats) -> Floats:
+        force, mass = self._kin
+        count, d = v.shape
+        pushed = np.asarray(force(t[None], u.T, v.T, given.T), dtype=float).T
+        masses = np.asarray(mass(u.T), dtype=float).reshape(d, count, d).transpose(1, 0, 2)
+        return np.asarray(np.linalg.solve(masses, pushed[:, :, None])[:, :, 0])
 
     @override
     def gap_curvature(self, t: float, u: Floats, v: Floats) -> Floats:
@@ -286,7 +308,11 @@ class _TreeSystem(GeneralizedSystem):
 
 def _array(name: str, given: Sequence[Any], told: Any) -> Callable[..., Floats]:
     """What symbols tell, as a function of arrays."""
-    function = loaded().Function(name, list(given), [told])
+    return _told(loaded().Function(name, list(given), [told]))
+
+
+def _told(function: Any) -> Callable[..., Floats]:
+    """A function of symbols as one of arrays."""
 
     def call(*numbers: Any) -> Floats:
         if any(np.iscomplexobj(each) for each in numbers):

@@ -7,7 +7,7 @@ load jumps, each neighbour's flight begins or ends at the time of its own jump, 
 stretched between.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -150,9 +150,11 @@ class Bundle:
         first = np.concatenate([*at, np.zeros((count, extra))], axis=1)
         length, pace = span.end - span.start, span.pace
 
+        every = _rates_of(motions)
+
         def rates(t: float, y: Floats) -> Floats:
-            each = zip(motions, t + span.later(t), pace, y.reshape(count, -1), strict=True)
-            return np.concatenate([p * motion(float(own), state) for motion, own, p, state in each])
+            found = every(t + span.later(t), y.reshape(count, -1))
+            return np.ravel(pace[:, None] * found)
 
         now = rates(span.start, first.ravel()).reshape(count, -1)
         speed = np.abs(at[1]).max() + length * np.abs(now[:, n : n + d]).max()
@@ -178,6 +180,31 @@ class Bundle:
                 )
             step = float(solver.step_size or length)
         return [(y[:, :n], y[:, n : n + d], y[:, n + d :]) for y in ends], step
+
+
+def _rates_of(motions: Sequence[Motion]) -> Callable[[Floats, Floats], Floats]:
+    """Rates (k, size) of states (k, size) of all motions at times (k,); kin in flight at once."""
+    kin: dict[Hashable, list[int]] = {}
+    for k, motion in enumerate(motions):
+        key = None if motion.closed else motion.system.kin
+        kin.setdefault(k if key is None else key, []).append(k)
+    groups = [own for own in kin.values() if len(own) > 1]
+    alone = [own[0] for own in kin.values() if len(own) == 1]
+    n, d = motions[0].system.coordinates, motions[0].system.dofs
+
+    def rates(times: Floats, states: Floats) -> Floats:
+        found = np.zeros_like(states)
+        for k in alone:
+            found[k] = motions[k](float(times[k]), states[k])
+        for own in groups:
+            u, v = states[own, :n], states[own, n : n + d]
+            given = np.array([motions[k].system.given(float(times[k])) for k in own])
+            system = motions[own[0]].system
+            found[own, :n] = v
+            found[own, n : n + d] = system.accelerations(times[own], u, v, given)
+        return found
+
+    return rates
 
 
 def motion_of(system: GeneralizedSystem, leg: Leg) -> Motion:

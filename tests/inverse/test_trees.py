@@ -5,6 +5,8 @@ import pytest
 
 import impactfem
 from impactfem import Scene, SceneError
+from impactfem.inverse.varied import Varied
+from impactfem.trajectory.contacts import _TreeSystem
 
 pytest.importorskip("casadi")
 
@@ -205,3 +207,17 @@ class TestRefused:
         ]  # fmt: skip
         with pytest.raises(SceneError, match=r"contact .*: has no right gradient"):
             impactfem.gradient(Scene.from_dict(tables))
+
+
+def test_neighbours_by_controls_fly_at_once_as_they_do_alone(monkeypatch):
+    """Forces and mass are one function of all, restitution and limits count at impacts alone."""
+    course = {"name": "push", "pieces": 2, "start": [1.5, 1.0]}
+    kept = swung()["parameter"][1:3]
+    line = {"name": "more", "kind": "linear", "pieces": 1, "start": [0.0, 0.4]}
+    scene = Scene.from_dict(swung("push + more", parameter=kept, control=[course, line]))
+    together = Varied.of(scene)
+    found = together.jacobian(together.start).jacobian
+    assert np.abs(found[0]).min() > 1e-3  # all of them count
+    monkeypatch.setattr(_TreeSystem, "kin", None)
+    alone = Varied.of(scene)
+    np.testing.assert_allclose(found, alone.jacobian(alone.start).jacobian, rtol=1e-8, atol=1e-9)
