@@ -376,7 +376,9 @@ def patch_spins(ends, node, weight, places):
             stops[g * turns + t + 1] = stops[g * turns + t] + (end - first) * dim
         for e in range(first, end):
             _crossing(places[node[e]] - centre, cross)
-            if fine:
+            if fine and turns == 1:  # for one equation the call of LAPACK takes far longer
+                found = (1.0 / inertia[0, 0]) * (weight[e] * cross)
+            elif fine:
                 found = np.linalg.solve(inertia, weight[e] * cross)
             else:
                 found = 0.0 * cross
