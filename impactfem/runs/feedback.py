@@ -35,6 +35,7 @@ as before afterwards (collective)."""
 _EARLY = 1e-6  # share of a step by which one that ends before a sample counts as at it
 _SHARE = 1e-4  # of a limit, or of what the law gives first, by which a scene is tried
 _STRAIGHT = 1e-3  # share by which answers may differ from those of two states
+_GIVEN = ("controller", "index", "span", "touching")  # what of a loop never changes
 _OUTSIDE = 1e-9  # above 1: a radius of rounding
 
 
@@ -57,6 +58,8 @@ class Loop:
         work: Done along its coordinate [J].
         largest: Amount of the largest output.
         along: That coordinate at the last sample; NaN before.
+        hopping: What the hopper remembers that it drives; see `impactfem.runs.hopping`.
+        touching: Columns of the forces on its foot.
     """
 
     controller: Controller
@@ -73,6 +76,8 @@ class Loop:
     work: float = 0.0
     largest: float = 0.0
     along: float = math.nan
+    hopping: dict[str, float] = field(default_factory=dict)
+    touching: tuple[str, ...] = ()
 
     @property
     def lag(self) -> int:
@@ -85,7 +90,15 @@ class Loop:
         if own.law == "external":
             self.count(own.held.value)
             return
-        found = self.output(time, self._measured(columns))
+        if own.law == "raibert":
+            from impactfem.runs.hopping import Hopping  # noqa: PLC0415  (rarely)
+
+            force = sum(columns[name] for name in self.touching)
+            hopper = Hopping(**self.hopping)  # type: ignore[arg-type]
+            found = hopper.output(own, time, self._measured(columns), force)
+            self.hopping = vars(hopper)
+        else:
+            found = self.output(time, self._measured(columns))
         self.waiting.append(self.count(found))
         if len(self.waiting) > self.lag:
             own.held.value = self.waiting.pop(0)
@@ -244,12 +257,20 @@ class Feedback:
         """Take them."""
         self._dt, self._layers = dt, layers
         self.loops = [
-            Loop(each, index, each.sample or dt)
+            Loop(part, index, part.sample or dt)
             for index, each in enumerate(scene.controllers)
+            for part in each.parts
             if not each.in_steps
         ]
         for loop in self.loops:
             loop.controller.held.value = 0.0
+            if loop.controller.law == "raibert":
+                from impactfem.runs.hopping import Hopping  # noqa: PLC0415  (rarely)
+                from impactfem.scene.hopping_checks import contacts_of  # noqa: PLC0415
+
+                own = scene.controllers[loop.index]
+                loop.hopping = vars(Hopping.of(scene, own))
+                loop.touching = tuple(f"force.{n}" for n in contacts_of(scene, str(own.foot)))
 
     def told(self) -> dict[str, dict[str, float]]:
         """Outputs in the step that ends, by the parts of their columns."""
@@ -278,8 +299,9 @@ class Feedback:
 
     @property
     def counts_turns(self) -> bool:
-        """Whether an angle is fed back."""
-        return any(n.endswith(".angle") for e in self.loops for n in e.controller.measured)
+        """Whether an angle is fed back whose turns count."""
+        counting = [e.controller for e in self.loops if e.controller.law != "raibert"]
+        return any(name.endswith(".angle") for own in counting for name in own.measured)
 
     def _check(self, known: Mapping[str, float]) -> None:
         """Refuse columns that the run has not.
@@ -359,7 +381,7 @@ class Feedback:
     def state(self) -> str:
         """All that changes, as text."""
         kept = [
-            {n: v for n, v in vars(loop).items() if n not in {"controller", "index", "span"}}
+            {n: v for n, v in vars(loop).items() if n not in _GIVEN}
             | {"held": loop.controller.held.value}
             for loop in self.loops
         ]

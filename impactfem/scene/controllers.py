@@ -8,6 +8,7 @@ Any other is a number there, which is set anew at its samples and held between t
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -35,18 +36,18 @@ CUMULATIVE = (
 
 _GAINS = {
     "p": ("kp",), "pd": ("kp", "kd"), "pid": ("kp", "kd", "ki"), "implicit_pd": ("kp", "kd"),
-    "bang_bang": (), "lqr": (), "feedback": (), "external": (),
+    "bang_bang": (), "lqr": (), "feedback": (), "raibert": (), "external": (),
 }  # fmt: skip
 KINDS = tuple(_GAINS)
 # Keys that only some kinds have: which.
 _ONLY: Mapping[str, tuple[str, ...]] = {
     "kp": ("p", "pd", "pid", "implicit_pd"), "kd": ("pd", "pid", "implicit_pd"), "ki": ("pid",),
     "of": ("p", "pd", "pid", "implicit_pd", "bang_bang"), "rate": ("pd", "pid", "implicit_pd",
-    "bang_bang"), "target": ("p", "pd", "pid", "implicit_pd", "bang_bang"),
+    "bang_bang"), "target": ("p", "pd", "pid", "implicit_pd", "bang_bang", "raibert"),
     "target_rate": ("pd", "pid", "implicit_pd", "bang_bang"), "columns": ("lqr", "feedback"),
     "formula": ("feedback",), "curve": ("bang_bang",), "inertia": ("implicit_pd", "bang_bang"),
     "model": ("lqr",), "weights": ("lqr",), "effort": ("lqr",), "equilibrium": ("lqr",),
-    "anti_windup": ("pid",),
+    "anti_windup": ("pid",), "body": ("raibert",), "foot": ("raibert",), "hip": ("raibert",),
 }  # fmt: skip
 _IN_STEPS = ("p", "pd", "feedback", "lqr")
 _RATES = {"q": "v", "angle": "spin", **{f"{a}": f"v{a}" for a in AXES}}
@@ -55,6 +56,8 @@ _ACTED = re.compile(
     r"joint\.[^.]+\.motor|body\.[^.]+\.joints\.[^.]+\.(motor|control)|"
     r"body\.[^.]+\.(far_end_force|(force|moment)(\.[xyz012])?)|body\.[^.]+\.(tractions?|pressures?)\..+"
 )
+HIP = "_hip"
+"""What the name of the output of a hip ends with."""
 
 
 @table("noise = { ... }")
@@ -87,6 +90,49 @@ class LinearModel:
     input_matrix: Sequence[float] = key(ListOf(Real(), at_least=1), "B, of one input")
 
 
+@table("hip = { ... }")
+class Hip:
+    """The hip of a leg that hops.
+
+    Raises:
+        SceneError: a value is missing or not allowed, or two contradict each other.
+    """
+
+    heading: ClassVar[str] = "hip"
+
+    acts: str = key(Line(), "path of its motor, joint.J.motor")
+    speed: AFormula = key(
+        FormulaOf(("t",)), "what the body's velocity along x in flight shall be", unit="m/s",
+        default=0.0,
+    )  # fmt: skip
+    attitude: AFormula = key(
+        FormulaOf(("t",)), "what the body's angle shall be", unit="rad", default=0.0
+    )
+    swing_kp: float = key(Real(above=0), "gain of the leg's angle in flight", unit="N m/rad")
+    swing_kd: float = key(Real(at_least=0), "of its rate", unit="N m s/rad", default=0.0)
+    body_kd: float | None = key(
+        Real(above=0), "of the body's spin in stance, towards that which turns it upright",
+        unit="N m s/rad", default=None, absent="five times its inertia by the time of a stance",
+    )  # fmt: skip
+    placement: float | None = key(
+        Real(above=0), "how far ahead the foot lands for each m/s that the body is too fast",
+        unit="s", default=None, absent="two thirds of what would take that away in one hop",
+    )  # fmt: skip
+    stance: float | None = key(
+        Real(above=0), "how long a stance is thought to last before the first one", unit="s",
+        default=None, absent="half a period of the body on the leg's spring",
+    )  # fmt: skip
+    limits: Sequence[float] | None = key(
+        Vector((2,)), "least and largest output", unit="N m", default=None, absent="none"
+    )
+
+    def _check(self) -> None:
+        low, high = self.limits or (0.0, 1.0)
+        if not low < high:
+            text = f" = {show([low, high])}: give the smaller number first."
+            raise KeyedError(self.heading, "limits", text)
+
+
 @table("[[controller]]")
 class Controller:
     """Feedback of a column of the history to a force or motor.
@@ -102,7 +148,8 @@ class Controller:
         Choice(KINDS),
         "kp (target - y); with kd (target_rate - y'); with ki times the integral; the same with y "
         "and y' at the end of the sample; the largest force to either side; gains of a linear "
-        "model and quadratic cost; a formula; what `Simulation.step(outputs=...)` sets",
+        "model and quadratic cost; a formula; Raibert's for a leg that hops, whose target is the "
+        "height of the body's apex; what `Simulation.step(outputs=...)` sets",
         name="kind",
     )
     acts: str = key(
@@ -158,6 +205,17 @@ class Controller:
         ListOf(Real(), at_least=1), "states about which the model holds", default=None,
         absent="0 each",
     )  # fmt: skip
+    body: str | None = key(
+        Line(), "rigid body that hops, whose apex and speed are held", default=None, absent="none"
+    )
+    foot: str | None = key(
+        Line(), "rigid body that touches, at the end of its leg, along which the output thrusts",
+        default=None, absent="none",
+    )  # fmt: skip
+    hip: MaybeTable[Hip] = key(
+        InlineTable((Hip,)), "what swings the leg and holds the body; its output is `NAME_hip.u`",
+        default=None, absent="none, as on a rail",
+    )  # fmt: skip
     limits: Sequence[float] | None = key(
         Vector((2,)), "least and largest output", unit="N or N m", default=None, absent="none"
     )
@@ -186,7 +244,9 @@ class Controller:
         if self.delay and not self.sample:
             text = f" = {self.delay:g} s without sample: give sample, of which it is a multiple."
             raise self._fail("delay", text)
-        if self.law in _ONLY["columns"]:
+        if self.law == "raibert":
+            self._check_hopper()
+        elif self.law in _ONLY["columns"]:
             self._check_columns()
         elif self.law != "external":
             self._check_gains()
@@ -223,6 +283,14 @@ class Controller:
         if self.law == "implicit_pd" and self.guesses_rate:
             text = f" = {show(self.of)} has no rate that is known by itself: give its column."
             raise self._fail("rate", text)
+
+    def _check_hopper(self) -> None:
+        for name, what in (("body", "that hops"), ("foot", "that touches")):
+            if getattr(self, name) is None:
+                raise self._fail(name, f" is missing: give the rigid body {what}.")
+        if self.noise is not None:
+            text = f" of a {self.law} controller would be of lengths, angles and forces at once: "
+            raise self._fail("noise", f"{text}remove it.")
 
     def _check_columns(self) -> None:
         if self.columns is None:
@@ -272,6 +340,10 @@ class Controller:
         """Columns that are fed back, the rate last if the law has one."""
         if self.columns is not None:
             return tuple(map(_column, self.columns))
+        if self.law == "raibert":
+            moved = ("x", "y", "vx", "vy")
+            body = [f"{self.body}.{part}" for part in (*moved, "angle", "spin")]
+            return (*body, *(f"{self.foot}.{part}" for part in moved), *self._own)
         if self.of is None:
             return ()
         found = [_column(self.of)]
@@ -280,6 +352,19 @@ class Controller:
             head, _, last = found[0].rpartition(".")
             found += [own] if own else [f"{head}.{_RATES[last]}"] if last in _RATES and head else []
         return tuple(found)
+
+    @cached_property
+    def parts(self) -> tuple["Controller", ...]:
+        """It, and that of its hip: each has one output."""
+        if self.hip is None or self.law != "raibert" or self.swings:
+            return (self,)
+        name, hip = f"{self.name}{HIP}", self.hip
+        return (self, replace(self, name=name, acts=hip.acts, limits=hip.limits))
+
+    @property
+    def swings(self) -> bool:
+        """Whether its output is that of a hip."""
+        return self.hip is not None and self.acts == self.hip.acts
 
     @property
     def guesses_rate(self) -> bool:
@@ -409,12 +494,13 @@ def fed_back(
     Raises:
         KeyedError: naming the key.
     """
-    for index, each in enumerate(controllers):
+    for index, each in [(k, part) for k, own in enumerate(controllers) for part in own.parts]:
         try:
             put_into(data, each.acts, each.name, keys)
         except NotAllowedError as error:
             text = f" = {show(each.acts)}: {error}. What it acts on has to stand there, as 0."
-            raise KeyedError(f"controller[{index}]", "acts", text) from None
+            place = "acts" if each is controllers[index] else "hip.acts"
+            raise KeyedError(f"controller[{index}]", place, text) from None
 
 
 def in_formulas(column: str) -> str:

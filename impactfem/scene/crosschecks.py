@@ -93,6 +93,10 @@ def check_scene(scene: Content, gravity: object) -> None:
     _check_start(scene)
     check_column_names(scene)
     check_probes(scene)
+    if any(own.law == "raibert" for own in scene.controllers):
+        from impactfem.scene.hopping_checks import check_hoppers  # noqa: PLC0415  (rarely)
+
+        check_hoppers(scene)
     check_asked(scene)
     _check_settings(scene)
     if scene.solve.dt is not None and scene.solve.dt > scene.duration:

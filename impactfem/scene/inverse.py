@@ -271,7 +271,8 @@ def check_asked(scene: Any) -> None:
         KeyedError: naming the key.
     """
     named = {"parameter": scene.parameters, "control": scene.controls}
-    _check_names(named | {"controller": scene.controllers})
+    parts = [part for each in scene.controllers for part in each.parts]
+    _check_names(named | {"controller": parts})
     _check_names({"measure": scene.measures})
     for index, measure in enumerate(scene.measures):
         _check_time(f"measure[{index}]", measure.at, scene.duration)

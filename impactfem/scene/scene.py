@@ -300,7 +300,7 @@ class Scene(Content):
             values = {name: own(value) for name, value in values.items()}
             values["controller"] = controllers
             fed_back(values, controllers, _keys_of_tables())
-            known |= {each.name: each.node for each in controllers}
+            known |= {part.name: part.node for each in controllers for part in each.parts}
         with naming(known):
             return cls(**{fields[k]: v for k, v in cls._read(values).items()}, folder=folder)
 
