@@ -172,7 +172,7 @@ class PlateMidpoint(FewInterior):
     def loads_at_rest(self, place: Floats) -> Floats:
         """Forces on q at t = 0 with some coordinates, without contact."""
         weight = float(np.asarray(self._gravity.at(0.0)) @ self._normal)
-        return np.asarray(self._pressed(0.0, 0.0, place) + weight * self._mass)
+        return np.asarray(self._pressed(0.0, 0.0, place) + weight * self._pull)
 
     def settle(self, place: Floats, pulls: Floats) -> Floats:
         """Begin elsewhere, as `displaced` has it; mass times the way there [kg m], (3,)."""
@@ -226,7 +226,7 @@ class PlateMidpoint(FewInterior):
             self._loads = self._pressed(start, end)
         motion = self._layer.motion(self._q, self._v, self.dt)
         self._weighing = float(self.gravity(start, end) @ self._normal)
-        weight = self._mass * self._weighing
+        weight = self._pull * self._weighing
         advance = self._layer.advance
         there = self._lead(self._q, end) if self._moves else None
         middle = self._layer.solve(motion + weight + self._loads, there)
@@ -387,7 +387,7 @@ class PlateMidpoint(FewInterior):
                 self.bodies.stiffness @ (self.before + (0.5 + damping.stiffness / self.dt) * way)
                 + damping.mass / self.dt * self._mass * way
             )
-            work += self._led_work(way, inside, self._loads + self._weighing * self._mass, had)
+            work += self._led_work(way, inside, self._loads + self._weighing * self._pull, had)
         self.before = self._q.copy()
         return self._summed(work)
 

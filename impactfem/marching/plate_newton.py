@@ -134,7 +134,7 @@ class PlateNewton(PlateMidpoint):
         self._span = step = end - start
         weight = float(np.asarray(self._gravity.mean(start, end)) @ self._normal)
         self._pushed = self._pressed(start, end)
-        self._loads = self._pushed + weight * self._mass
+        self._loads = self._pushed + weight * self._pull
         # Of places the last digits are lost by which speeds of short steps go.
         self._way = step * self._v
         if self._moves:

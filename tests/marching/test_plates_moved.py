@@ -48,6 +48,22 @@ def test_an_accelerated_base_is_a_gravity(more):
         assert np.abs(lost).max() < 1e-9 * energy
 
 
+@pytest.mark.parametrize("membrane", ["none", "von_karman"])
+def test_weight_is_a_pressure(membrane):
+    """Of rho t g: the inertia of slopes weighed, too, as moments of t^2 / 12 L^2 of the load."""
+    more = {"theory": "reissner_mindlin", "thickness": 0.05, "membrane": membrane}
+    body = scene(**more).bodies[0]
+    load = {"face": "top", "value": body.density * 0.05 * 30.0}
+    weighed, pressed = (
+        impactfem.solve(each).history
+        for each in (scene(gravity=-30.0, **more), scene(pressures=[load], **more))
+    )
+    for name in ("p.uz", "elastic_energy", "total_energy"):
+        size = np.abs(pressed["p.uz" if name == "p.uz" else "elastic_energy"].values).max()
+        assert size > 0.0
+        assert weighed[name].values == pytest.approx(pressed[name].values, abs=1e-9 * size)
+
+
 def test_edges_that_move_begin_at_rest_or_in_equilibrium(tmp_path, monkeypatch):
     """A motion of three formulas; restarts to the bit; a start at rest follows the edges."""
     moved = ["0", "0", "0.01*cos(20*t)"]
