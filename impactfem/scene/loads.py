@@ -134,11 +134,11 @@ class PiecewiseVector:
         """Return the mean vector (dim,) from time a to time b; the one at a when b is a."""
         if a == b:
             return self.at(a)
-        shares = [
-            PiecewiseConstant(self.times, tuple(column)).integral(a, b) / (b - a)
-            for column in zip(*self.values, strict=True)
-        ]
-        return np.array(shares)
+        if len(self.values) == 1:  # as usual; asked several times in each step
+            return np.array([value * (b - a) / (b - a) for value in self.values[0]])
+        columns = zip(*self.values, strict=True)
+        parts = (PiecewiseConstant(self.times, tuple(column)) for column in columns)
+        return np.array([part.integral(a, b) / (b - a) for part in parts])
 
 
 def _entries(value: object) -> list[Any] | tuple[Any, ...]:
