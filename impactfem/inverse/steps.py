@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +59,7 @@ class Changes:
     scales: Floats
     names: tuple[str, ...]
 
-    @property
+    @cached_property
     def scene(self) -> Scene:
         """The scene itself."""
         return self.at(self.values)
