@@ -263,3 +263,8 @@ class FiniteTipped:
         if self._kick.any():
             pulled = self._pulled((self._kick @ self._rows_at(stepper.displacement))[None])
             stepper.velocity = stepper.velocity + stepper.freed(pulled)[0]
+
+    def destroy(self) -> None:
+        """Free PETSc's objects, and let go of what holds this in turn."""
+        self._holder = None
+        self.stepper.destroy()

@@ -360,7 +360,10 @@ class JointedAtRest:
         return any([body.steady() for body in self._bodies])  # noqa: C419  (tell all)
 
     def destroy(self) -> None:
-        """Nothing: bodies free what they hold."""
+        """Free what the bodies hold, and let go of the answer, which holds this in turn."""
+        self._answer = None
+        for body in self._bodies:
+            body.destroy()
 
 
 class _Modes:

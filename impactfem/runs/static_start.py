@@ -173,7 +173,7 @@ def start_at_rest(
                 raise
             raise type(error)(f"{error}; {taken}") from error
     finally:
-        for body in bodies:
+        for body in whole.bodies:
             body.destroy()
     forces = whole.forces(rest.places)
     rest = replace(rest, places=tuple(whole.split(rest.places)))

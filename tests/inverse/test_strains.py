@@ -34,7 +34,7 @@ def test_the_force_tells_the_strain_of_each_element():
 
 
 def test_strains_are_identified_by_the_force(tmp_path):
-    table = np.column_stack([np.arange(1, COUNT + 1) / COUNT, FORCE])
+    table = np.column_stack([(np.arange(COUNT) + 0.5) / COUNT, FORCE])  # amid each step
     lines = [f"{t!r},{value!r}" for t, value in table.tolist()]
     (tmp_path / "force.csv").write_text("\n".join(["time,value", *lines]))
     measure = {"name": "f", "of": "contact_force", "data": "force.csv", "sigma": 1e-3}

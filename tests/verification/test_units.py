@@ -25,7 +25,7 @@ def run(data):
     verdict = result.summary["verdict"]
     codes = sorted((f["code"], f["severity"]) for f in verdict["findings"])
     word = result.summary["method"], verdict["level"], codes
-    return result.history, word, [f["message"] for f in verdict["findings"]]
+    return result.history, word, [f["text"] for f in verdict["findings"]]
 
 
 @pytest.mark.slow
