@@ -16,7 +16,7 @@ from impactfem.scene.inline import NumberOrList, Vector
 from impactfem.scene.inverse import check_formula_name
 from impactfem.scene.kinds import Choice, Integer, Line, Name, Real
 from impactfem.scene.pieces import Table
-from impactfem.scene.schema import KeyedError, key, table
+from impactfem.scene.schema import KeyedError, check_ends, key, table
 from impactfem.scene.tables import assign, is_missing, looked_up
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
@@ -80,19 +80,15 @@ class Control:
             text = f" = {self.begin:g} s is before t = 0: give 0 or later."
             raise KeyedError(self.heading, "from", text)
         if self.end is not None and not self.end > self.begin:
-            text = (
-                f" = {self.end:g} is not after from = {self.begin:g}: give a later time or place."
-            )
-            raise KeyedError(self.heading, "until", text)
+            text = f" = {self.end:g} is not after from = {self.begin:g}: give a later time or "
+            raise KeyedError(self.heading, "until", f"{text}place.")
         if self.along == "x" and self.end is None:
             raise KeyedError(self.heading, "until", " is missing: give a place, as the length.")
         if len(self.start) not in {1, self.count}:
             text = f" has {len(self.start)} values: give one, or {self.count}."
             raise KeyedError(self.heading, "start", text)
         low, high = self.limits
-        if not low < high:
-            text = f" = {show([low, high])}: give the smaller number first."
-            raise KeyedError(self.heading, "bounds", text)
+        check_ends(self.heading, "bounds", low, high)
         if not all(low <= value <= high for value in self.start):
             text = f" = {show([low, high])} excludes a start: widen them."
             raise KeyedError(self.heading, "bounds", text)

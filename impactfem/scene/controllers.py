@@ -24,7 +24,7 @@ from impactfem.scene.inverse import check_formula_name
 from impactfem.scene.kinds import Choice, FormulaOf, Integer, Line, Name, Real, Switch
 from impactfem.scene.least_cost import least_cost_gains
 from impactfem.scene.scalar_formula import arrays
-from impactfem.scene.schema import KeyedError, key, keys_of, table
+from impactfem.scene.schema import KeyedError, check_ends, key, keys_of, table
 from impactfem.scene.values import NotAllowedError, show
 
 MAX_CONTROLLERS = 100
@@ -127,10 +127,7 @@ class Hip:
     )
 
     def _check(self) -> None:
-        low, high = self.limits or (0.0, 1.0)
-        if not low < high:
-            text = f" = {show([low, high])}: give the smaller number first."
-            raise KeyedError(self.heading, "limits", text)
+        check_ends(self.heading, "limits", *(self.limits or (0.0, 1.0)))
 
 
 @table("[[controller]]")
@@ -257,9 +254,7 @@ class Controller:
 
     def _check_limits(self) -> None:
         low, high = self.ends
-        if not low < high:
-            text = f" = {show([low, high])}: give the smaller number first."
-            raise self._fail("limits", text)
+        check_ends(self.heading, "limits", low, high)
         if self.law == "bang_bang" and not -math.inf < low < 0.0 < high:
             text = " of a bang_bang controller are its two forces: give a negative and a positive."
             raise self._fail("limits", text)

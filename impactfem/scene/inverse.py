@@ -8,7 +8,7 @@ from impactfem.scene.given import Tables
 from impactfem.scene.grammar import CONSTANTS, FUNCTIONS
 from impactfem.scene.inline import InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Choice, FilePath, FolderPath, Integer, Line, Name, Real
-from impactfem.scene.schema import KeyedError, key, table
+from impactfem.scene.schema import KeyedError, check_ends, key, table
 from impactfem.scene.values import show
 
 MAX_PARAMETERS = 1000
@@ -64,10 +64,8 @@ class Parameter:
             if self.start is None:
                 text = " is missing: no key tells a value, give a number."
                 raise KeyedError(self.heading, "start", text)
-        if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
-            text = f" = {show(list(self.bounds))}: give the smaller number first."
-            raise KeyedError(self.heading, "bounds", text)
         low, high = self.limits
+        check_ends(self.heading, "bounds", low, high)
         if self.start is not None and not low <= self.start <= high:
             text = f" = {show([low, high])} excludes the start {self.start:g}: widen them."
             raise KeyedError(self.heading, "bounds", text)

@@ -172,6 +172,16 @@ def check_fields(instance: Any, where: str) -> None:
         object.__setattr__(instance, name, entry.read(getattr(instance, name), where))
 
 
+def check_ends(where: str, name: str, low: float, high: float) -> None:
+    """Refuse two ends that do not rise.
+
+    Raises:
+        KeyedError: naming their key.
+    """
+    if not low < high:
+        raise KeyedError(where, name, f" = {show([low, high])}: give the smaller number first.")
+
+
 def check_keys(table: object, known: list[str], where: str, own: str = "") -> Mapping[str, object]:
     """Return the table if it is one and all its keys are known.
 
