@@ -136,7 +136,9 @@ def solve_cones(
         ConvergenceError: They were not found.
     """
     if problem.is_plain and 0 < len(start) <= _FEW:
-        law = full(problem.matrix), problem.offset, problem.friction, problem.base
+        # Of another layout the kernel would be compiled once more (3.5 s).
+        base = np.ascontiguousarray(problem.base)
+        law = full(problem.matrix), problem.offset, problem.friction, base
         fine, force, total = few_cones(*law, start, tolerance, max_iterations, *_STICK)
         if fine:
             return np.asarray(force), int(total)
