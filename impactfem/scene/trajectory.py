@@ -106,7 +106,7 @@ class TrajectoryKeys:
     )  # fmt: skip
     modes: Sequence[str] = key(
         ListOf(Line()), 'order of contacts (hybrid): "flight", "stance" (all closed), or contacts '
-        'BODY.OBSTACLE, joined by "+"', default=(),
+        'BODY.OBSTACLE, joined by "+", with "_slip" or "_slip_back" what slips', default=(),
     )  # fmt: skip
     nodes: int = key(Integer(1, 4000), "number of intervals of the first mesh", default=40)
     duration: Given[tuple[float, ...] | None, float | Sequence[float] | None] = key(

@@ -1,15 +1,16 @@
 """Motions through contacts that close and open in a known order: phases, and impacts between.
 
-In a phase some gaps are closed: g'' = 0 along their normals n, and where they rub no slip either,
-which tells the forces; these press, within the cone of friction, and all other gaps are open. How
-long phases last is free. Where a gap closes, rates jump as impacts let them; one that rebounds is
-an instant between two phases.
+In a phase some gaps are closed: g'' = 0 along their normals n, which tells the forces. What rubs
+sticks, within the cone of friction, or slips one way, with friction at the edge of it. Forces
+press, and all other gaps are open. How long phases last is free. Where a gap closes, rates jump as
+impacts let them; one that rebounds is an instant between two phases.
 """
 
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -29,13 +30,16 @@ from impactfem.trajectory.resimulated import recorded
 from impactfem.trajectory.symbols import loaded
 from impactfem.trajectory.transcribing import Transcribed, begin, cut
 from impactfem.trajectory.transcriptions import transcription_of
+from impactfem.vibro.event_legs import Leg
 
 FLIGHT, STANCE = "flight", "stance"
+_SLIPS = {"_slip_back": -1, "_slip": 1}  # how a contact that is named slips
 _ROW = "hermite_simpson"  # in each phase
 _SHORTEST = 1e-3  # share of the longest duration that a phase lasts at least
 _CLOSED = 1e-9  # of the size of states: a gap that is more open at the start is
+_STILL = 1e-9  # of the size of speeds, by which what slips may do so the other way
+_BRIEF = 0.5 * _SHORTEST  # share of the duration: what is told of shorter flights is rounding
 _TOUCHES = 1e-6  # of the size of a gap, below which it counts as closed
-_PRESSES = 1e-6  # share of the largest push of a lasting contact that counts
 _ROUNDS = 8
 
 
@@ -46,33 +50,47 @@ class Mode:
     Attributes:
         name: As it is said.
         closed: Places of the gaps that are closed.
+        slips: Those of them that slip: 1 forwards, -1 back.
         instant: Whether these rebound at once.
     """
 
     name: str
     closed: frozenset[int]
+    slips: Mapping[int, int]
     instant: bool = False
 
 
-def modes_of(names: Sequence[str], gaps: Sequence[Closing]) -> list[Mode]:
-    """What `modes` says of the gaps of a scene.
+def places_of(gaps: Sequence[Closing], begun: Floats) -> dict[str, set[int]]:
+    """Gaps by name: BODY.OBSTACLE are the nearest ones at the start, BODY.OBSTACLE#1 one alone.
+
+    Args:
+        gaps: Of a scene (J,).
+        begun: How far they are open at the start (J,).
+    """
+    own: dict[str, set[int]] = {}
+    for pair in dict.fromkeys(map(label, gaps)):
+        places = [k for k, gap in enumerate(gaps) if label(gap) == pair]
+        least, room = begun[places].min(), _CLOSED * np.abs(begun[places]).max()
+        own[pair] = {k for k in places if begun[k] <= least + room}
+        if len(places) > 1:
+            own |= {f"{pair}#{number + 1}": {k} for number, k in enumerate(places)}
+    return own
+
+
+def modes_of(
+    names: Sequence[str], gaps: Sequence[Closing], own: Mapping[str, set[int]]
+) -> list[Mode]:
+    """What `modes` says of the gaps of a scene, whose places have names.
 
     Raises:
         SceneError: A contact is not known, or the order cannot be.
     """
-    own: dict[str, set[int]] = {}
-    for k, gap in enumerate(gaps):
-        pair = label(gap)
-        count = sum(label(other) == pair for other in gaps)
-        earlier = sum(label(other) == pair for other in gaps[:k])
-        own.setdefault(pair, set()).add(k)
-        if count > 1:
-            own[f"{pair}#{earlier + 1}"] = {k}
     known = ", ".join(own) or "there are none"
     found: list[Mode] = []
     for index, name in enumerate(names):
         text = f"trajectory.modes[{index}] = {show(name)}: "
-        closed = _closed_by(name, own, {label(gap) for gap in gaps if not gap.limits}, text)
+        ways = _closed_by(name, own, gaps, text)
+        closed, slips = frozenset(ways), {k: way for k, way in ways.items() if way}
         before = found[-1] if found else None
         bounce = {k for k in closed if gaps[k].restitution and before is not None
                   and k not in before.closed}  # fmt: skip
@@ -81,8 +99,11 @@ def modes_of(names: Sequence[str], gaps: Sequence[Closing]) -> list[Mode]:
                 f"{text}part of it rebounds (restitution > 0) and part does not: give these as "
                 "entries of their own"
             )
-        mode = Mode(name, frozenset(closed), bool(bounce))
-        if before is not None and (before.closed == mode.closed or (before.instant and bounce)):
+        if bounce and slips:
+            raise SceneError(f"{text}it rebounds (restitution > 0) at once; leave the slip out")
+        mode = Mode(name, closed, slips, bool(bounce))
+        same = before is not None and (before.closed, before.slips) == (closed, slips)
+        if before is not None and (same or (before.instant and bounce)):
             raise SceneError(f'{text}does not follow {show(before.name)}; give "flight" between')
         found.append(mode)
     if not found or found[-1].instant or found[0].instant:
@@ -98,22 +119,31 @@ def label(gap: Closing) -> str:
     return f"{gap.pair}.{gap.name.split()[1]}" if gap.limits else gap.pair
 
 
-def _closed_by(name: str, own: Mapping[str, set[int]], pairs: set[str], text: str) -> set[int]:
-    """Gaps that an entry closes, by contacts and their gaps, and those that are no limits."""
-    known = ", ".join(own) or "there are none"
-    if name == FLIGHT:
-        return set()
-    if name == STANCE and len(pairs) != 1:
-        why = "several contacts may close; name those that do" if pairs else "nothing may close"
-        raise SceneError(f"{text}{why}: {known}")
-    parts = list(pairs) if name == STANCE else [part.strip() for part in name.split("+")]
-    for part in parts:
-        if part not in own:
+def _closed_by(
+    name: str, own: Mapping[str, set[int]], gaps: Sequence[Closing], text: str
+) -> dict[int, int]:
+    """Gaps that an entry closes, and how they slip: 1 forwards, -1 back, 0 not."""
+    known, pairs = ", ".join(own) or "there are none", {label(g) for g in gaps if not g.limits}
+    found: dict[int, int] = {}
+    for part in [] if name == FLIGHT else [part.strip() for part in name.split("+")]:
+        ending = next((each for each in _SLIPS if part.endswith(each)), "")
+        contact, way = part.removesuffix(ending), _SLIPS.get(ending, 0)
+        if contact == STANCE and len(pairs) != 1:
+            why = "several contacts may close; name those that do" if pairs else "nothing may close"
+            raise SceneError(f"{text}{why}: {known}")
+        contact = next(iter(pairs)) if contact == STANCE else contact
+        if contact not in own:
             raise SceneError(
-                f'{text}there is no contact {show(part)}; give "flight", "stance", or contacts '
-                f'joined by "+": {known}'
+                f'{text}there is no contact {show(contact)}; give "flight", "stance", or contacts '
+                f'joined by "+", with "_slip" or "_slip_back" what slips: {known}'
             )
-    return set().union(*(own[part] for part in parts))
+        if way and not all(gaps[k].friction for k in own[contact]):
+            raise SceneError(
+                f"{text}nothing rubs there, so that it slips as it likes; give {show(contact)}, or "
+                "friction_coefficient in its [[contact]]"
+            )
+        found |= dict.fromkeys(own[contact], way)
+    return found
 
 
 class Forces:
@@ -123,12 +153,17 @@ class Forces:
         known: The bodies.
         gaps: All gaps.
         closed: Places of the closed ones.
+        slips: Those that slip: 1 forwards, -1 back.
     """
 
-    def __init__(self, known: Symbolic, gaps: Sequence[Closing], closed: frozenset[int]) -> None:
+    def __init__(
+        self, known: Symbolic, gaps: Sequence[Closing], closed: frozenset[int],
+        slips: Mapping[int, int],
+    ) -> None:  # fmt: skip
         casadi, tree = loaded(), known.tree
         self.known, self.places = known, sorted(closed)
-        speeds, self.normal = list[Any](), list[int]()
+        speeds, self.normal, pushed = list[Any](), list[int](), dict[int, Any]()
+        self.slips = [slips[k] * gaps[k].slip for k in self.places if k in slips]
         self.cones: list[tuple[int, list[int], float]] = []
         rubbed: dict[str, tuple[int, list[int]]] = {}
         for k in self.places:
@@ -136,7 +171,10 @@ class Forces:
             self.normal.append(len(speeds))
             opens = casadi.jtimes(gap.gap, tree.q, tree.v)
             speeds.append(opens + casadi.jacobian(casadi.SX(gap.gap), tree.t))
-            if gap.friction:
+            if k in slips:
+                rubs = slips[k] * gap.friction * casadi.jacobian(gap.slip, tree.v)
+                pushed[self.normal[-1]] = -rubs
+            elif gap.friction:
                 if gap.name not in rubbed:  # one tangent of a face: more say the same
                     speeds.append(gap.slip)
                     rubbed[gap.name] = len(speeds) - 1, []
@@ -145,6 +183,9 @@ class Forces:
         self.turned = [gaps[k].restitution for k in self.places]
         self.speeds = casadi.vertcat(casadi.SX(0, 1), *speeds)
         self.rows = casadi.jacobian(self.speeds, tree.v)
+        self.along = casadi.SX(self.rows)  # of forces: with the friction of what slips
+        for row, rubs in pushed.items():
+            self.along[row, :] += rubs
 
     def lasting(self) -> tuple[Any, Any]:
         """V' and forces along rows, while they stay closed."""
@@ -154,7 +195,7 @@ class Forces:
             return free, casadi.SX(0, 1)
         speeds = self.speeds
         drift = casadi.jtimes(speeds, tree.q, tree.v) + casadi.jacobian(speeds, tree.t)
-        back = tree.solved(self.rows.T)
+        back = tree.solved(self.along.T)
         push = _small(self.rows @ back, -(self.rows @ free + drift))
         return free + back @ push, push
 
@@ -168,7 +209,7 @@ class Forces:
         if rebounds:
             for row, e in zip(self.normal, self.turned, strict=True):
                 wanted[row] = -(1.0 + e) * speeds[row]
-        back = tree.solved(self.rows.T)
+        back = tree.solved(self.along.T)
         push = _small(self.rows @ back, wanted)
         return tree.v + back @ push, push
 
@@ -181,6 +222,15 @@ class Forces:
             own = size[normals[0]]
             found += [("sticks", (push[row] - most) / own), ("sticks", (-push[row] - most) / own)]
         return [(text, casadi.SX(each)) for text, each in found]
+
+    def slipping(self, speeds: Floats) -> list[tuple[str, Any]]:
+        """What stays <= 0: it slips the way it is to, in sizes of speeds (d,)."""
+        casadi, tree = loaded(), self.known.tree
+        found = []
+        for slip in self.slips:
+            size = casadi.fabs(casadi.jacobian(slip, tree.v)) @ speeds
+            found.append(("slips that way", -slip / size - _STILL))
+        return found
 
     def sizes(self, q: Floats, speeds: Floats, span: float) -> Floats:
         """Of forces along rows (r,), as speeds of such size come about in a time [s]."""
@@ -213,7 +263,7 @@ class _Phase:
     mode: Mode
     problem: Problem
     jump: Any  # of (t, x, u) before it to x after, and what stays <= 0; None for the first
-    closing: tuple[Any, ...]  # gaps of (t, x) that are 0 where it begins
+    closing: tuple[Any, ...]  # gaps, and slips of what sticks, that are 0 where it begins
     names: tuple[str, ...]  # of what stays <= 0
 
 
@@ -236,7 +286,7 @@ def hybrid(
         SceneError: A mode is not known, or the start is none of the first one.
     """
     begun = time.perf_counter()
-    search = _Search(known, gaps, problem, modes_of(modes, gaps), settings, begin(problem, guess))
+    search = _Search(known, gaps, problem, modes, settings, begin(problem, guess))
     found = search.refined()
     answer = found.answer
     message = answer.in_words
@@ -267,36 +317,48 @@ class _Found:
 
 class _Search:
     def __init__(
-        self, known: Symbolic, gaps: Sequence[Closing], problem: Problem, modes: list[Mode],
+        self, known: Symbolic, gaps: Sequence[Closing], problem: Problem, modes: Sequence[str],
         settings: tuple[int, float, int], guess: Guess,
     ) -> None:  # fmt: skip
         self.guess, self.sizes = guess, sizes_of(problem, guess)
-        self.known, self.gaps, self.problem, self.modes = known, gaps, problem, modes
+        self.known, self.gaps, self.problem = known, gaps, problem
         self.nodes, self.refine, self.most = settings
         self.row = transcription_of(_ROW)
         self.iterations, self.rounds = 0, list[int]()
         casadi, tree = loaded(), known.tree
         self.given = [tree.t, casadi.vertcat(tree.q, tree.v), known.controls]
-        self._check_start()
+        gap = casadi.vertcat(casadi.SX(0, 1), *(each.gap for each in gaps))
+        begun = [np.mean(problem.start.get(each.name, each.start)) for each in tree.freedoms]
+        open_ = np.asarray(casadi.Function("gap", [tree.t, tree.q], [gap])(0, begun)).ravel()
+        self.own = places_of(gaps, open_)
+        self.modes = modes_of(modes, gaps, self.own)
+        self._check_start(open_)
         self.phases = self._phases()
 
-    def _check_start(self) -> None:
-        """Refuse a start whose gaps are not those of the first mode."""
-        casadi, tree = loaded(), self.known.tree
-        start = {k: v for k, v in self.problem.start.items() if np.ptp(np.atleast_1d(v)) == 0.0}
-        names = list(self.problem.states)[: len(tree.freedoms)]
-        if not set(names) <= set(start):
+    def _check_start(self, open_: Floats) -> None:
+        """Refuse a start whose gaps (J,) or speeds are not those of the first mode."""
+        casadi, tree, mode = loaded(), self.known.tree, self.modes[0]
+        start = {k: np.mean(v) for k, v in self.problem.start.items() if not np.ptp(v)}
+        if set(self.problem.states) - set(start):
             return
-        q = np.array([float(np.mean(start[name])) for name in names])
-        size = max(float(np.abs(q).max(initial=0.0)), 1e-300)
-        for k in sorted(self.modes[0].closed):
-            gap = float(casadi.Function("gap", [tree.t, tree.q], [self.gaps[k].gap])(0, q))
-            if abs(gap) > _CLOSED * size:
+        q, v = np.split(np.array([start[name] for name in self.problem.states]), 2)
+        text = f"trajectory.modes[0] = {show(mode.name)}: "
+        for k in sorted(mode.closed):
+            if abs(open_[k]) > _CLOSED * max(np.abs(q).max(), 1e-300):
                 raise SceneError(
-                    f"trajectory.modes[0] = {show(self.modes[0].name)}: the gap of "
-                    f'{self.gaps[k].name} is {gap:.4g} m at the start; give "flight" first, or a '
-                    "start where it is closed"
+                    f"{text}the gap of {self.gaps[k].name} is {open_[k]:.4g} m at the start; give "
+                    '"flight" first, or a start where it is closed'
                 )
+        forces = Forces(self.known, self.gaps, mode.closed, mode.slips)
+        told = casadi.Function("speeds", [tree.t, tree.q, tree.v], [forces.speeds])(0, q, v)
+        speeds = np.asarray(told, dtype=float).ravel()
+        if np.abs(speeds).max(initial=0.0) > _CLOSED * max(np.abs(v).max(), 1e-300):
+            row = int(np.abs(speeds).argmax())
+            does = "closes or opens" if row in forces.normal else "slips"
+            raise SceneError(
+                f"{text}a contact {does} with {abs(speeds[row]):.4g} m/s at the start; give "
+                'velocities with which it does not, "flight" first, or "_slip" behind its name'
+            )
 
     def _phases(self) -> list[_Phase]:
         casadi, tree, whole = loaded(), self.known.tree, self.problem
@@ -313,14 +375,15 @@ class _Search:
             if mode.instant:
                 instant = mode
                 continue
-            forces = Forces(self.known, self.gaps, mode.closed)
+            forces = Forces(self.known, self.gaps, mode.closed, mode.slips)
             rate, push = forces.lasting()
             paths = [
                 (f"{self.gaps[k].name} stays open in {mode.name}", -self.gaps[k].gap / lengths[k])
                 for k in range(len(self.gaps)) if k not in mode.closed
             ] + [
                 (f"{mode.name} {text}", each)
-                for text, each in forces.pressed(push, forces.sizes(*scale))
+                for text, each in (*forces.pressed(push, forces.sizes(*scale)),
+                                   *forces.slipping(scale[1]))
             ]  # fmt: skip
             own = casadi.Function(
                 "path", self.given,
@@ -342,7 +405,7 @@ class _Search:
             if at is not None:
                 closed = mode.closed if instant is None else mode.closed | instant.closed
                 new = closed - at.closed
-                struck = Forces(self.known, self.gaps, closed if new else frozenset())
+                struck = Forces(self.known, self.gaps, closed if new else frozenset(), mode.slips)
                 v, impulse = struck.impact(instant is not None)
                 pressed = struck.pressed(impulse, span * struck.sizes(*scale))
                 jump = casadi.Function(
@@ -350,9 +413,18 @@ class _Search:
                     [casadi.vertcat(tree.q, v),
                      casadi.vertcat(casadi.SX(0, 1), *(each for _, each in pressed))],
                 )  # fmt: skip
-                names = tuple(f"the impact of {_told(self.gaps, new)} {w}" for w, _ in pressed)
+                names = tuple(f"the impact of {_told(self.own, new)} {w}" for w, _ in pressed)
                 closing = [
                     casadi.Function("gap", self.given, [self.gaps[k].gap / lengths[k]]) for k in new
+                ]
+                # What sticks from now on has come to rest; one tangent of a face says it.
+                rests = {
+                    self.gaps[k].name: self.gaps[k].slip
+                    for k in sorted(set(at.slips) & (mode.closed - set(mode.slips))) if not new
+                }  # fmt: skip
+                closing += [
+                    casadi.Function("slip", self.given, [slip / self._speed(slip)])
+                    for slip in rests.values()
                 ]
             found.append(_Phase(mode, problem, jump, tuple(closing), names))
             at, instant = mode, None
@@ -421,7 +493,7 @@ class _Search:
         for gap in phase.closing:
             program.row(
                 gap(end.t, end.x, end.u), 0.0, 0.0,
-                lambda _: f"the gap that closes before {phase.mode.name}",
+                lambda _: f"what closes or comes to rest before {phase.mode.name}",
             )  # fmt: skip
         state, pressed = phase.jump(end.t, end.x, end.u)
         names = list(self.problem.states)
@@ -437,8 +509,10 @@ class _Search:
         names, count = list(self.problem.states), len(tree.freedoms)
         at = self.guess.states(np.ones(1))[0][:count]
         held = np.asarray(casadi.Function("rows", [tree.t, tree.q], [forces.rows])(0.0, at))
+        # What has not stuck from the start on holds no place that is known.
+        stuck = len({(mode.closed, *mode.slips.items()) for mode in self.modes}) == 1
         for begin_ in (0, count):
-            rows = held
+            rows = held if begin_ or stuck else held[forces.normal]
             for k in range(count):
                 name = names[begin_ + k]
                 if name not in end or np.ptp(np.atleast_1d(end[name])) > 0.0:
@@ -458,6 +532,11 @@ class _Search:
         told = slopes(0.0, self.guess.states(np.zeros(1))[0][:count])
         found = float(np.abs(np.asarray(told, dtype=float)).ravel() @ self.sizes.states[:count])
         return found if found > 0.0 else 1.0
+
+    def _speed(self, slip: Any) -> Any:
+        """Of a slip, by sizes of rates."""
+        casadi, tree = loaded(), self.known.tree
+        return casadi.fabs(casadi.jacobian(slip, tree.v)) @ self.sizes.states[len(tree.freedoms) :]
 
     def joined(self, found: _Found) -> tuple[Motion, Followed, Floats]:
         """One motion, whose states where phases meet are those before impacts."""
@@ -490,8 +569,18 @@ def _name(names: Sequence[str], row: int) -> str:
     return names[row]
 
 
-def _told(gaps: Sequence[Closing], closed: frozenset[int] | set[int]) -> str:
-    names = dict.fromkeys(label(gaps[k]) for k in sorted(closed))
+def _told(
+    own: Mapping[str, set[int]], closed: frozenset[int] | set[int],
+    slips: Mapping[int, int] = MappingProxyType({}),
+) -> str:  # fmt: skip
+    """Closed gaps as `modes` name them: contacts, or single gaps of these, and how they slip."""
+    ending = {way: each for each, way in _SLIPS.items()} | {0: ""}
+    names, left = list[str](), set(closed)
+    for name, places in own.items():  # contacts come before their single gaps
+        ways = {slips.get(k, 0) for k in places}
+        if places <= left and len(ways) == 1:
+            names.append(name + ending[ways.pop()])
+            left -= places
     return "+".join(names) or FLIGHT
 
 
@@ -513,7 +602,7 @@ def _resimulated(
     """What really follows, and whether contacts close and open as they were to."""
     pieces = 10
     times, record = recorded(search.known, search.gaps, told, pieces)
-    asked = [_told(search.gaps, mode.closed) for mode in search.modes]
+    asked = [_told(search.own, mode.closed, mode.slips) for mode in search.modes]
     spans = iter(found.motions)
     lasts = [0.0 if mode.instant else float(next(spans).duration) for mode in search.modes]
     lengths = {"modes": asked, "lasts": lasts}
@@ -533,7 +622,7 @@ def _resimulated(
         for t, q in zip(times, record.position, strict=True)
     ])  # fmt: skip
     near = away < _TOUCHES * np.array([search.size(each) for each in search.gaps])
-    order = order_of(times, record.lasting, record.table(), search.gaps, near)
+    order = order_of(record.legs or [], times, search.gaps, search.own, near)
     wrong: tuple[str, ...] = ()
     if order != asked and told.status == "converged":
         text = "contacts close and open in another order than modes say: "
@@ -544,38 +633,37 @@ def _resimulated(
 
 
 def order_of(
-    times: Floats, lasting: Floats, impacts: Floats, gaps: Sequence[Closing],
+    legs: Sequence[Leg], times: Floats, gaps: Sequence[Closing], own: Mapping[str, set[int]],
     near: NDArray[np.bool_],
 ) -> list[str]:  # fmt: skip
-    """The order in which contacts close and open in a run from event to event.
+    """The order in which contacts close, slip and open in a run from event to event.
 
     Args:
+        legs: Its flights.
         times: Of rows (k,).
-        lasting: Impulses of lasting contact between rows (k, J).
-        impacts: Rows (time, contact, speeds, impulse).
         gaps: Contacts (J,).
+        own: Their names.
         near: Whether they are closed or all but closed at rows (k, J): without force they may
             part by rounding.
     """
-    small = _PRESSES * float(lasting.max(initial=0.0)) / max(len(times), 1)
-    closed_ = (lasting[1:] > small) | (near[1:] & near[:-1])
-    held = [frozenset(np.flatnonzero(row).tolist()) for row in closed_]
-    # A row in which one ends and another begins holds both, or none.
-    for k in range(1, len(held) - 1):
-        around = held[k - 1], held[k + 1]
-        if held[k] in (around[0] | around[1], around[0] & around[1]) and around[0] != around[1]:
-            held[k] = around[0]
-    bounces: dict[int, set[int]] = {}
-    for at, j, *_ in impacts:
-        row = int(np.clip(np.searchsorted(times, at) - 1, 0, len(held) - 1))
-        beside = held[max(row - 1, 0) : row + 2]
-        if gaps[int(j)].restitution and not any(int(j) in each for each in beside):
-            bounces.setdefault(row, set()).add(int(j))
     order: list[str] = []
-    for k, closed in enumerate(held):
-        name = _told(gaps, closed)
+    ends = [*(leg.event.time for leg in legs[1:]), float(times[-1])]
+    held = frozenset[int]()
+    for leg, end in zip(legs, ends, strict=True):
+        before, inside = held, (leg.event.time < times) & (times < end)
+        still = np.flatnonzero(near[inside].all(axis=0)).tolist() if inside.any() else []
+        held = frozenset([*leg.closed, *still])
+        struck = {j for each in leg.event.strikes for j in each.rows if gaps[j].restitution}
+        if bounced := struck - before - held:
+            order.append(_told(own, bounced))
+        elif end - leg.event.time < _BRIEF * times[-1]:
+            continue
+        ways = dict(zip(leg.closed, leg.modes, strict=False))
+        # One corner of a face that sticks holds them all.
+        stuck = {gaps[j].name for j, way in ways.items() if way == 0}
+        slips = {j: way or 0 for j, way in ways.items()
+                 if gaps[j].friction and gaps[j].name not in stuck}  # fmt: skip
+        name = _told(own, held, slips)
         if not order or order[-1] != name:
             order.append(name)
-        if k in bounces:
-            order += [_told(gaps, bounces[k]), _told(gaps, held[min(k + 1, len(held) - 1)])]
     return order

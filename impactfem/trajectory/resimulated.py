@@ -45,7 +45,7 @@ def recorded(
     start = found.at_nodes[0]
     try:
         record, _ = follow(
-            system, start[:count], start[count:], float(nodes[-1]), settings, None, nodes.tolist()
+            system, start[:count], start[count:], float(nodes[-1]), settings, [], nodes.tolist()
         )
     except (ConvergenceError, SceneError):
         return times, None
