@@ -22,7 +22,7 @@ def latest(seen: Observed, *, turns: bool) -> Mapping[str, float]:
         turns: Whether angles are wanted: of bodies whose spins sum up to them all levels count.
     """
     march, model, whole = seen.march, seen.model, seen.whole
-    first = 0 if turns or seen.probes.remembers else march.layer
+    first = 0 if turns else march.layer
     rows = Rows(
         *(getattr(march.rows, e.name)[first : march.layer + 1] for e in fields(march.rows))
     ).times(whole.factor)

@@ -17,7 +17,7 @@ from impactfem.runs.line_probes import LETTERS
 from impactfem.runs.samples import Kept, LinePlaces
 from impactfem.scene.probes import outside
 from impactfem.system.located import Located
-from impactfem.system.relaxation import Relaxation
+from impactfem.system.point_memory import REMEMBERED, Recalled
 from impactfem.system.true_stress import TrueStress
 
 _BLOCKS = {"velocity": 1, "stress": 2}
@@ -62,8 +62,8 @@ class SolidProbes:
         needed: Which of the owned dofs of all bodies, one body after the other, of each of these.
         residual: Residual stresses [Pa], by probe and the last part of their columns.
         laws: Of stresses that are not linear, by probe: the columns are what these need.
-        relaxing: Maxwell terms that stresses have besides, by probe.
-        telling: What tells the columns that follow.
+        recalling: What tells the columns that follow, the part of this rank.
+        telling: What tells those after them, the same on all ranks.
         counts: Whether this rank does.
         kept: Places that are kept besides, for runs on other elements.
     """
@@ -74,7 +74,7 @@ class SolidProbes:
     needed: tuple[Integers, Integers, Integers]
     residual: Mapping[str, Mapping[str, float]]
     laws: Mapping[str, TrueStress]
-    relaxing: Mapping[str, Relaxation]
+    recalling: tuple[Recalled, ...]
     telling: tuple[Told, ...]
     counts: bool
     kept: Kept | None = None
@@ -133,6 +133,16 @@ class SolidProbes:
         weights = csr_matrix(entries, shape=(len(names), len(needed)))
         cuts = np.searchsorted(needed, dim * len(own) * np.arange(1, 3))
         displaced, moving, strained = np.split(needed, cuts)
+        recalled: dict[str, Recalled] = {}
+        for k, solid in enumerate(model.parts):
+            each = {
+                probe.name: located
+                for probe, body, located in model.probes
+                if body == k and "stress" in probe.quantities
+            }
+            if (memory := solid.system.memory) is not None:
+                recalled |= zip(each, memory.follow(list(each.values())), strict=True)
+        names += [(name, key) for name, tells in recalled.items() for key in tells()]
         names += [(name, part) for each in telling for name, own in each().items() for part in own]
         march.rows.probes = np.zeros((march.layers + 1, len(names)))
         laws = {
@@ -145,16 +155,11 @@ class SolidProbes:
             for probe, _, located in model.probes
             if "stress" in probe.quantities
         }
-        relaxing = {
-            probe.name: located.relaxing
-            for probe, _, located in model.probes
-            if "stress" in probe.quantities
-        }
         which = displaced, moving - dim * len(own), strained - 2 * dim * len(own)
         counts = model.comm.rank == 0
         return cls(
-            march, tuple(names), weights, which, residual, laws, relaxing, tuple(telling), counts,
-            kept,
+            march, tuple(names), weights, which, residual, laws, tuple(recalled.values()),
+            tuple(telling), counts, kept,
         )  # fmt: skip
 
     def __call__(self, level: Level) -> None:
@@ -165,30 +170,22 @@ class SolidProbes:
         moved += [level.straining[strained]] if len(strained) else []
         told = [value for each in self.telling for of in each().values() for value in of.values()]
         own = self.weights @ np.concatenate(moved) if self.weights.shape[0] else moved[0]
-        self.march.rows.probes[level.layer] = np.concatenate([own, self.counts * np.array(told)])
-
-    @property
-    def remembers(self) -> bool:
-        """Whether columns need what was at all levels before."""
-        return any(self.relaxing.values())
+        recalled = [value for each in self.recalling for value in each().values()]
+        kept = [own, recalled, self.counts * np.array(told)]
+        self.march.rows.probes[level.layer] = np.concatenate(kept)
 
     def columns(self, values: Floats) -> dict[str, dict[str, Floats]]:
-        """Columns of each probe by their last part, of the sums of all ranks (rows, columns).
-
-        Maxwell terms that the displacements do not hold follow the place from layer to layer.
-        """
-        dt = self.march.interior.dt
+        """Columns of each probe by their last part, of the sums of all ranks (rows, columns)."""
         found: dict[str, dict[str, Floats]] = {}
         for k, (probe, part) in enumerate(self.names):
-            own, terms = values[:, k], self.relaxing.get(probe)
-            if terms and probe not in self.laws and part.startswith("s"):
-                own = own + terms.exceeding(own, dt)  # at small strain stresses relax by themselves
-            found.setdefault(probe, {})[part] = own + self.residual.get(probe, {}).get(part, 0.0)
+            own = found.setdefault(probe, {})
+            # Terms that relax add theirs to the stress of the strain.
+            own[part] = values[:, k] + own.get(part, self.residual.get(probe, {}).get(part, 0.0))
         for probe, law in self.laws.items():
             kept = found[probe]
-            stress = law.of(kept, self.relaxing[probe], dt)
-            for name in law.weights:
-                del kept[name]
+            stress = law.of(kept)
+            for name in (*law.weights, *REMEMBERED, "rise"):
+                kept.pop(name, None)
             kept |= stress
         return found
 

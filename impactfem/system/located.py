@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from impactfem.scene.orthotropic import PLACES, seen_by
 from impactfem.scene.solids import RESIDUAL
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.materials import CellMaterials, law_rows, materials_of
-from impactfem.system.relaxation import Relaxation
 from impactfem.system.true_stress import TrueStress
 
 OUTSIDE = 0.05
@@ -38,7 +36,7 @@ class Located:
             (nodes, dim); under finite strain what `law` needs instead.
         law: Of the true stress under finite strain, which is not linear.
         residual: Components of the residual stress there [Pa], by name.
-        relaxing: Maxwell terms there that `Level.straining` does not hold.
+        cell: Of this rank; None if it is another's.
     """
 
     numbers: Integers
@@ -46,7 +44,7 @@ class Located:
     stress: dict[str, Floats]
     law: TrueStress | None = None
     residual: Mapping[str, float] = field(default_factory=dict)
-    relaxing: Relaxation = field(default_factory=partial(Relaxation.of, ()))
+    cell: int | None = None
 
 
 def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats:
@@ -111,10 +109,9 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         of = solid.of_groups[next(each)] if solid.materials else solid
         given = zip(RESIDUAL[len(point)], of.residual_stress or (), strict=False)
         residual = {name: float(formula(**place)) for name, formula in given}
-        relaxing = Relaxation.of(of.relaxing if solid.remembered else ())
-        answer = Located(nodes.numbers[own], basis, stress, law, residual, relaxing)
+        answer = Located(nodes.numbers[own], basis, stress, law, residual)
     located: Located = comm.bcast(answer, root=winner[2])
-    return located
+    return replace(located, cell=None if answer is None or best is None else best[2])
 
 
 def followed(system: ElasticSystem, places: Floats) -> tuple[Integers, Floats]:

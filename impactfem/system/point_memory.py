@@ -11,8 +11,9 @@ rounding. Nearly incompressible bodies have the same of the mean dilatation of e
 Source: J. C. Simo, T. J. R. Hughes, Computational Inelasticity (Springer, 1998), chapter 10.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +24,15 @@ from impactfem.system.element_tables import tabulated
 from impactfem.system.materials import constants_of, relaxing_of
 from impactfem.system.nodes import Nodes
 from impactfem.system.point_kernels import strain_change
+
+if TYPE_CHECKING:
+    from impactfem.system.located import Located
+
+REMEMBERED = ("rxx", "ryy", "rzz", "rxy", "ryz", "rzx")
+
+
+Recalled = Callable[[], Mapping[str, float]]
+"""Tells by name what this rank knows of terms at a place, between steps: the sum is of all."""
 
 
 class TermPlaces:
@@ -38,12 +48,42 @@ class TermPlaces:
         shares, made = relaxing_of(nodes, solid)[1], constants_of(nodes, solid)
         self.terms = [(made(share), dolfinx_fem.Function(nodes.space)) for share in shares]
         self.values = np.zeros((len(shares), 0))
+        self._nodes, self._shares = nodes, shares
+
+    def follow(self, places: Sequence["Located"]) -> list[Recalled]:
+        """What tells the stress by which terms exceed the elastic one at places (collective)."""
+        return [self._recalled(here) for here in places]
+
+    def _recalled(self, here: "Located") -> Recalled:
+        nodes, owned = self._nodes, self._nodes.owned
+        own = np.zeros(len(self._shares)) if here.cell is None else self._shares[:, here.cell]
+        shares = nodes.comm.allreduce(own)
+        _, places, mine = np.intersect1d(nodes.numbers[:owned], here.numbers, return_indices=True)
+
+        def told() -> dict[str, float]:
+            over = np.tensordot(shares, self.values, axes=1).reshape(-1, nodes.dim)[places]
+            return {name: float((part[mine] * over).sum()) for name, part in here.stress.items()}
+
+        return told
 
     def refresh(self) -> None:
         """Set the functions (collective)."""
         for (_, kept), values in zip(self.terms, self.values, strict=True):
             kept.x.array[: len(values)] = values
             kept.x.scatter_forward()
+
+
+@dataclass
+class Watched:
+    """A place that is followed besides.
+
+    Attributes:
+        here: Its cell, and the slopes there.
+        kept: r of each term, (terms, n).
+    """
+
+    here: "Located"
+    kept: Floats
 
 
 class PointMemory:
@@ -82,12 +122,15 @@ class PointMemory:
         places = space.dofmap.list[:owned]
         self._places, self._shape = places.ravel(), (*places.shape, count)
         self.excess = np.zeros((len(self.times), owned))
+        self._watched: list[Watched] = []
         self._steps = np.full(len(self.times), np.inf)
 
     def forget(self) -> None:
         """Begin anew, at rest."""
         for kept, weight in zip(self.kept, self.weights, strict=True):
             kept.x.array[:] = weight.value = 0.0
+        for place in self._watched:
+            place.kept = np.zeros_like(place.kept)
         self.excess = np.zeros_like(self.excess)
         self._steps = np.full(len(self.times), np.inf)
 
@@ -97,6 +140,28 @@ class PointMemory:
         for weight, k in zip(self.weights, self._steps, strict=True):
             weight.value = 1.0 / (1.0 + float(k))
 
+    def follow(self, places: Sequence["Located"]) -> list[Recalled]:
+        """From now on follow these places, and no others, as the points are.
+
+        Returns:
+            What tells sums of g r by components, and "rise", that of the mean dilatation.
+        """
+        at_rest = np.zeros((len(self.times), self._shape[2]))
+        self._watched = [Watched(here, at_rest.copy()) for here in places]
+        return [self._recalled(place) for place in self._watched]
+
+    def _recalled(self, place: "Watched") -> Recalled:
+        names, cell = (*REMEMBERED[: self._shape[2]], "rise"), place.here.cell
+        if cell is None:  # another rank tells it
+            return lambda: dict.fromkeys(names, 0.0)
+        shares = self.cells[:, cell]
+
+        def told() -> dict[str, float]:
+            each = [*(shares @ place.kept), shares @ self.excess[:, cell]]
+            return dict(zip(names, each, strict=True))
+
+        return told
+
     def settle(self, before: Any, after: Any, swept: Floats | None) -> None:
         """Go to the end of a step.
 
@@ -105,16 +170,23 @@ class PointMemory:
             after: The same at its end.
             swept: Change of the mean dilatation of the owned cells; None where it does not count.
         """
-        ends = (each.x.array.reshape(-1, self._dim) for each in (before, after))
-        change = np.zeros(self._shape)
+        ends = [each.x.array.reshape(-1, self._dim) for each in (before, after)]
+        change, steps = np.zeros(self._shape), self._steps[:, None]
         strain_change(*ends, self._cells, self._table, self._hoop, change)
+        for place in self._watched:
+            law, cell = place.here.law, place.here.cell
+            if law is None or cell is None:
+                continue
+            seen, hoop = np.zeros((1, 1, self._shape[2])), law.hoop[: self._hoop.shape[2]]
+            table = np.ascontiguousarray(law.slopes)[None, None], hoop[None, None]
+            strain_change(*ends, self._cells[[cell]], *table, seen)
+            place.kept = ((1.0 - steps) * place.kept + seen[0]) / (1.0 + steps)
         for kept, k in zip(self.kept, self._steps, strict=True):
             values = kept.x.array.reshape(-1, self._shape[2])
             old = values[self._places]
             values[self._places] = ((1.0 - k) * old + change.reshape(old.shape)) / (1.0 + k)
         if swept is not None:
-            k = self._steps[:, None]
-            self.excess = ((1.0 - k) * self.excess + swept) / (1.0 + k)
+            self.excess = ((1.0 - steps) * self.excess + swept) / (1.0 + steps)
 
     def pressures(self, swept: Floats | float) -> Floats:
         """Over the bulk modulus those that a change of the mean dilatation finds amid a step."""
@@ -145,7 +217,8 @@ class PointMemory:
         own = np.concatenate([*each, self.excess.T], axis=1)
         found = np.zeros((self._total, own.shape[1]))
         found[fem.gather(self._comm, self._numbers)] = fem.gather(self._comm, own)
-        return {"relaxing": found}
+        watched = np.array([place.kept for place in self._watched])
+        return {"relaxing": found, "watched": self._comm.allreduce(watched)}
 
     def remember(self, memory: Mapping[str, Floats]) -> None:
         """Go on from what `memory` gave."""
@@ -157,3 +230,5 @@ class PointMemory:
                 -1, self._shape[2]
             )
         self.excess = own[:, len(self.kept) * width :].T.copy()
+        for place, kept in zip(self._watched, memory["watched"], strict=True):
+            place.kept = kept.copy()

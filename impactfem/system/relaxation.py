@@ -84,14 +84,6 @@ class Relaxation:
         weights = self.shares * (1.0 - steps) / (1.0 + steps)
         return np.tensordot(weights, kept, axes=1) - self.stiffening(dt) * place
 
-    def exceeding(self, values: Floats, dt: float) -> Floats:
-        """Sum of g r at the end of each step, of what is followed there, (rows, ...) both."""
-        found, kept = np.zeros_like(values), np.zeros((len(self.shares), *values.shape[1:]))
-        for row, way in enumerate(np.diff(values, axis=0), 1):
-            kept = self.after(kept, way, dt)
-            found[row] = self.straining(kept)
-        return found
-
     def straining(self, kept: Floats) -> Floats:
         """Sum of g r: a displacement by which the stress exceeds that of the elasticity."""
         return np.tensordot(self.shares, kept, axes=1)

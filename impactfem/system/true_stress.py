@@ -1,14 +1,14 @@
 """True stress at a place of a body under finite strain, of the displacements around it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.scene.orthotropic import PLACES
 from impactfem.system.law_kernels import stress, thickened
-from impactfem.system.relaxation import Relaxation
+from impactfem.system.point_memory import REMEMBERED
 
 _ORDER = {2: ("xx", "yy", "xy", "zz"), 3: ("xx", "yy", "zz", "xy", "yz", "xz")}
 
@@ -41,13 +41,11 @@ class TrueStress:
         unit = np.eye(count).reshape(count, *self.slopes.shape)
         return {f"u{k}": each for k, each in enumerate(unit)}
 
-    def of(self, kept: Any, relaxing: Relaxation, dt: float) -> dict[str, Floats]:
+    def of(self, kept: Mapping[str, Floats]) -> dict[str, Floats]:
         """Components [Pa] by what `weights` has kept, shape (rows,) each.
 
         Args:
-            kept: From t = 0 on, where there are Maxwell terms.
-            relaxing: These.
-            dt: Between two rows [s].
+            kept: And what Maxwell terms remember, if there are any.
         """
         dim = self.slopes.shape[1]
         moved = np.stack([kept[name] for name in self.weights], axis=1)
@@ -64,8 +62,8 @@ class TrueStress:
             if flat:
                 across = thickened(self.material, six[0], six[1], six[3])
                 full[k, 2, 2] = np.sqrt(1.0 + 2.0 * across)
-        if relaxing:
-            pushed += self._linearly(relaxing.exceeding(strain, dt))
+        if "rise" in kept:
+            pushed += self._linearly(kept)
         ratio = np.linalg.det(full)
         true = full @ pushed @ full.transpose(0, 2, 1) / ratio[:, None, None]
         if self.bulk:
@@ -76,18 +74,19 @@ class TrueStress:
             )
             mean = np.asarray(sums) / volumes.sum()
             pressed = np.log(mean) / mean
-            if relaxing:
-                pressed = pressed + relaxing.exceeding(mean, dt)
+            pressed = pressed + kept.get("rise", 0.0)
             true += (self.bulk * pressed)[:, None, None] * np.eye(3)
         return {
             f"s{name}": true[:, "xyz".index(name[0]), "xyz".index(name[1])] for name in _ORDER[dim]
         }
 
-    def _linearly(self, strain: Floats) -> Floats:
-        """C : E of strains, (rows, 3, 3) both."""
-        found, places = np.zeros_like(strain), PLACES[: len(self.linear)]
-        each = np.stack([strain[:, i, j] * (1.0 if i == j else 2.0) for i, j in places], axis=1)
-        for (i, j), values in zip(places, self.linear @ each.T, strict=True):
+    def _linearly(self, kept: Mapping[str, Floats]) -> Floats:
+        """C : sum g r of what terms remember, (rows, 3, 3)."""
+        places = PLACES[: len(self.linear)]
+        each = zip(REMEMBERED, places, strict=False)
+        strains = np.stack([kept[name] * (1.0 if i == j else 2.0) for name, (i, j) in each])
+        found = np.zeros((strains.shape[1], 3, 3))
+        for (i, j), values in zip(places, self.linear @ strains, strict=True):
             found[:, i, j] = found[:, j, i] = values
         return found
 
