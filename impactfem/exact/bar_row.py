@@ -32,7 +32,7 @@ class ExactBarRow:
     """
 
     __slots__ = (
-        "_away", "_forces", "_gaps", "_offset", "_support", "_towards", "bars", "contacts",
+        "_away", "_forces", "_gaps", "_offset", "_towards", "bars", "contacts",
         "duration", "events", "sampled",
     )  # fmt: skip
 
@@ -68,7 +68,6 @@ class ExactBarRow:
             bar.place - 0.5 * float(away.integral(now))
             for bar, away in zip(self.bars, self._away, strict=True)
         ]
-        self._support = _forces(faces[-1]) if clamped else None
         meeting = [face for face in faces if face.gap < math.inf and not face.glued]
         self._forces = [_forces(face) for face in meeting]
         self._gaps = [np.array(face.record) for face in meeting]
@@ -150,13 +149,6 @@ class ExactBarRow:
         pieces = self._forces[contact]
         jumps = pieces.start[1:][np.diff(pieces.value) != 0.0]
         return np.asarray(jumps[(jumps > 0.0) & (jumps < self.duration)])
-
-    def support_force(self, t: ArrayLike) -> Array:
-        """Force that presses the far end of the last bar on its clamp [N]; 0 if it is free."""
-        time = np.asarray(t, dtype=np.float64)
-        if self._support is None:
-            return np.zeros_like(time)
-        return self._support.before(time, self._near)
 
     def mean_velocity(self, bar: int, t: ArrayLike) -> Array:
         """Velocity of the centre of mass of a bar [m/s]."""

@@ -6,6 +6,7 @@ with contact forces F of the layer and H where the free motion is halfway. Each 
 bodies, of which there are few, and only rank 0 sums them up.
 """
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import Any
@@ -94,9 +95,9 @@ class FewInterior(Marched, Meshless):
         return self.summed(0.0)
 
     @property
+    @abstractmethod
     def surface_iterate(self) -> Floats:
         """Of the contact nodes at the end of the step, as it is solved now [m], (count, dim)."""
-        raise NotImplementedError
 
     @property
     def surface_way(self) -> Floats:
@@ -128,9 +129,9 @@ class FewInterior(Marched, Meshless):
         """Rates at the end of the step as it is solved now, to compare others with."""
         return self._ahead.copy()
 
+    @abstractmethod
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
         """Velocities of the contact nodes at both ends of the step [m/s], (count, dim) each."""
-        raise NotImplementedError
 
     def inertia(self) -> list[Floats]:
         """Moments of inertia of each body [kg m^2]; 0 of points."""

@@ -93,7 +93,8 @@ class FlexibleMidpoint(FewInterior):
         self._loads: Floats | float = 0.0
         self._steepest = 0.0
         self._applied: Floats | None = None
-        self._tips: _Tips | None = None
+        self._tips: _Tips  # where joints hold it
+        self._rows_amid: Floats | None = None  # of the tips
         self._mass = bodies.node_mass[:, None]
         self._look_at_start()
         self._way = np.zeros((count, 6))
@@ -146,8 +147,7 @@ class FlexibleMidpoint(FewInterior):
 
     def _settle(self, way: Floats) -> Floats:
         """The step, by Newton's method with a tangent that is kept."""
-        if self._tips is not None:
-            self._tips.forget()
+        self._rows_amid = None
         acting = self._weight + self._pushed / self.span + self._joined / self.span
         size = self._largest(way) + self.span * self._largest_rate
         last, slow, since = np.inf, False, way
@@ -198,8 +198,7 @@ class FlexibleMidpoint(FewInterior):
             self._weight[:, : self.bodies.dim] += self._applied
         none = np.zeros_like(self._way)
         self._pushed, self._joined, self._kick = none, none, none
-        if self._tips is not None:
-            self._tips.forget()
+        self._rows_amid = None
         guess = self.span * np.hstack([self._speed, self._space(self._spin)])
         self._factor = self._tangent(guess)
         self._way = self._settle(guess)
@@ -350,25 +349,21 @@ class FlexibleMidpoint(FewInterior):
         self._tips = _Tips(self.bodies, stations)
         return HeldLumped(self, self._tips.as_coordinates(stations))
 
-    @property
-    def _held_tips(self) -> "_Tips":
-        if self._tips is None:
-            raise NotImplementedError
-        return self._tips
-
     def _amid(self) -> Floats:
         """Rates of the tips by those of the nodes in the step, (tips, 6 nodes)."""
-        return self._held_tips.amid(0.5 * (self._turned + self._outer[1]))
+        if self._rows_amid is None:
+            self._rows_amid = self._tips.rows(0.5 * (self._turned + self._outer[1]))
+        return self._rows_amid
 
     @property
     def joined_coordinates(self) -> Floats:
         """Places of the tips, and 0 for turns."""
-        return self._held_tips.places(self._frames)
+        return self._tips.places(self._frames)
 
     @property
     def rates(self) -> Floats:
         """Of the tips at the start of the layer, (tips,)."""
-        return self._held_tips.rows(self._turned) @ self._rates_now.ravel()
+        return self._tips.rows(self._turned) @ self._rates_now.ravel()
 
     @property
     def rates_ahead(self) -> Floats:
@@ -378,7 +373,7 @@ class FlexibleMidpoint(FewInterior):
     @property
     def rates_left(self) -> Floats:
         """Of the tips at the end of the layer, (tips,)."""
-        return self._held_tips.rows(self._outer[1]) @ self._rates_then.ravel()
+        return self._tips.rows(self._outer[1]) @ self._rates_then.ravel()
 
     @property
     def reach(self) -> Floats:
@@ -396,7 +391,7 @@ class FlexibleMidpoint(FewInterior):
     @property
     def reach_ahead(self) -> Floats:
         """The same at its end, of impulses that leave no time for anything else."""
-        rows = self._held_tips.rows(self._outer[1])
+        rows = self._tips.rows(self._outer[1])
         return np.asarray(rows @ self._freed(rows.T, self._outer[1]).T)
 
     def impel(self, impulse: Floats) -> bool:
@@ -408,7 +403,7 @@ class FlexibleMidpoint(FewInterior):
 
     def kick(self, impulse: Floats) -> None:
         """Let the next layer start with rates that an impulse on the tips has changed."""
-        given = impulse @ self._held_tips.rows(self._outer[1])
+        given = impulse @ self._tips.rows(self._outer[1])
         self._kick = self._freed(given[:, None], self._outer[1])[0].reshape(-1, 6)
 
     def reached(self, forces: Floats) -> Floats:
@@ -539,8 +534,6 @@ class _Tips:
     """Sections that joints hold: rigid arms at nodes."""
 
     def __init__(self, bodies: FlexibleBeam, stations: Stations) -> None:
-        if stations.rows is None:
-            raise NotImplementedError
         count = bodies.nodes
         each = np.zeros((len(stations.places), 6, count, 6))
         each[:, :, bodies.moves] = stations.rows
@@ -551,22 +544,11 @@ class _Tips:
         self._start, self._count = bodies.start, count
         self._moves = np.flatnonzero(each.reshape(-1, 6 * count).any(axis=1))
         self._free = bodies.moves.ravel()
-        self._kept: Floats | None = None
 
     def as_coordinates(self, stations: Stations) -> Stations:
         """The stations with rows of their own rates."""
         rows = np.eye(6 * len(self._nodes))[:, self._moves]
         return replace(stations, rows=rows.reshape(len(self._nodes), 6, -1))
-
-    def forget(self) -> None:
-        """What was known of the step."""
-        self._kept = None
-
-    def amid(self, turned: Floats) -> Floats:
-        """As `rows`, of the mean of both ends of the step as it is solved now."""
-        if self._kept is None:
-            self._kept = self.rows(turned)
-        return self._kept
 
     def rows(self, turned: Floats) -> Floats:
         """Rates of the tips by those of the nodes whose axes are so, (tips, 6 nodes)."""

@@ -19,8 +19,6 @@ class FollowedTips:
 
     def __init__(self, stations: Stations, dim: int) -> None:
         """Take the nodes from the rows of stations, (stations, 6, nodes dim)."""
-        if stations.rows is None:
-            raise NotImplementedError
         self._dim, self._rows = dim, stations.rows.reshape(-1, stations.rows.shape[2])
         self._moves = np.flatnonzero(self._rows.any(axis=1))  # in the plane not all
         self._turning: list[tuple[int, Integers, Floats]] = []

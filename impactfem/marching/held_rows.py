@@ -45,11 +45,6 @@ class HeldByRows[B: Coordinates]:
         return None
 
     @property
-    def steady_answer_ahead(self) -> Floats:
-        """Nor this."""
-        raise NotImplementedError
-
-    @property
     def freedoms(self) -> Floats:
         """None: see `compliance`."""
         return np.zeros((len(self._rows) // 6, 3, 3))
@@ -136,8 +131,6 @@ class HeldLumped(HeldByRows[Linear]):
 
     def __init__(self, by: Linear, stations: Stations, part: Counting | None = None) -> None:
         """Hold them; what marches them if it is not what moves their coordinates."""
-        if stations.rows is None:
-            raise NotImplementedError
         self.jumped = False
         self.by, self.part, count = by, part or by, len(stations.places)
         self._rows = stations.rows.reshape(6 * count, -1)
@@ -163,11 +156,6 @@ class HeldLumped(HeldByRows[Linear]):
     def steady_answer(self) -> Floats | None:
         """See `Held`."""
         return None if np.any(self.part.volatile) else self._flat
-
-    @property
-    def steady_answer_ahead(self) -> Floats:
-        """See `Held`."""
-        return self.compliance_ahead.reshape(self._flat.shape)
 
     @property
     def compliance_ahead(self) -> Floats:

@@ -393,7 +393,8 @@ class Joining[P: Stepper](Bodies[P]):
 
         None where some rows follow from others.
         """
-        answers = [body.steady_answer_ahead for body in self._held]
+        ahead = [body.compliance_ahead for body in self._held]
+        answers = [each.reshape(6 * len(each), -1) for each in ahead]
         if self._kept_ahead is None or not self._kept_ahead.stays(_TWO, answers):
             self._kept_ahead = SteadyRows(self._joints, self._gradient, _TWO, answers)
         hard = np.zeros(self._joints.count)

@@ -67,8 +67,6 @@ class ByRows:
             pulled: Forces on the owned dofs by those on it.
             ease: See `Stationed`.
         """
-        if stations.rows is None:
-            raise NotImplementedError
         self._rows = stations.rows.reshape(-1, stations.rows.shape[-1])
         self._at, self._start, self._told, self._pulled = stations, start, told, pulled
         self.ease = ease

@@ -1,5 +1,6 @@
 """Bodies without meshes as a run sees them, whatever steps them, and what shows them."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -7,16 +8,14 @@ import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.findings import Finding
-from impactfem.marching.stations import Held
 from impactfem.result.shapes import LINE, Shape
 from impactfem.system.closest import closest_shares, distances
 from impactfem.system.few import FewBodies
-from impactfem.system.stations import Stations
 
 _NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 
 
-class Marched:
+class Marched(ABC):
     """Bodies of one kind, as they are marched.
 
     Attributes:
@@ -34,28 +33,24 @@ class Marched:
         """What steps it: itself, or what steps other bodies with it."""
         return self
 
-    @classmethod
+    @classmethod  # noqa: B027  (most are stepped alone)
     def step_together(cls, alike: Sequence["Marched"]) -> None:
         """Let bodies of this kind that nothing joins be stepped at once, where that is faster."""
 
     @property
+    @abstractmethod
     def coordinates(self) -> Floats:
         """Q now, shape (d,)."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def surface_displacement(self) -> Floats:
         """Of the contact nodes since t = 0 [m], (count, dim)."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def surface_velocity(self) -> Floats:
         """Of the contact nodes [m/s], (count, dim)."""
-        raise NotImplementedError
-
-    def held(self, stations: Stations) -> Held:
-        """It as joints hold it; see `impactfem.scene.body.BodyKind.takes_joints`."""
-        raise NotImplementedError
 
     def apply(self, body: int, force: Floats, moment: Floats) -> bool:  # noqa: ARG002  (of others)
         """Hold a force (dim,) [N] and moment (turns,) [N m] from outside on a body's centre.

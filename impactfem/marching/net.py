@@ -86,7 +86,7 @@ class NetMidpoint(FewInterior):
         slow = dt + bodies.damping[1]
         self._rounding = slow * extent * float((stiffest / bodies.node_mass).max())  # [m/s], by eps
         self._pushed = self._joined = self._kick = np.zeros_like(self._v)
-        self._tips: FollowedTips | None = None
+        self._tips: FollowedTips  # where joints hold it
         self._begun = self._amid = cast("Floats | None", None)  # rows of the tips
         self._factor: Any = None
         self._prepare(self._v)  # a run that goes on asks for answers before its first layer
@@ -282,28 +282,22 @@ class NetMidpoint(FewInterior):
         return HeldLumped(self, self._tips.as_coordinates(stations))
 
     @property
-    def _held_tips(self) -> FollowedTips:
-        if self._tips is None:
-            raise NotImplementedError
-        return self._tips
-
-    @property
     def _rows_amid(self) -> Floats:
         """Rates of the tips by velocities amid the layer, as it is solved now."""
         if self._amid is None:
-            self._amid = self._held_tips.rows(0.5 * (self._q + self._end(self._ahead)))
+            self._amid = self._tips.rows(0.5 * (self._q + self._end(self._ahead)))
         return self._amid
 
     @property
     def joined_coordinates(self) -> Floats:
         """Places of the tips."""
-        return self._held_tips.places(self._q)
+        return self._tips.places(self._q)
 
     @property
     def rates(self) -> Floats:
         """Of the tips at the start of the layer, (tips,)."""
         if self._begun is None:
-            self._begun = self._held_tips.rows(self._q)
+            self._begun = self._tips.rows(self._q)
         return self._begun @ self._v
 
     @property
@@ -315,7 +309,7 @@ class NetMidpoint(FewInterior):
     @property
     def rates_left(self) -> Floats:
         """Of the tips at the end of the layer, (tips,)."""
-        return self._held_tips.rows(self._end(self._ahead)) @ self._ahead
+        return self._tips.rows(self._end(self._ahead)) @ self._ahead
 
     @property
     def reach(self) -> Floats:
@@ -326,7 +320,7 @@ class NetMidpoint(FewInterior):
     @property
     def reach_ahead(self) -> Floats:
         """The same at its end, of impulses that leave no time for anything else."""
-        rows = self._held_tips.rows(self._end(self._ahead))
+        rows = self._tips.rows(self._end(self._ahead))
         return np.asarray((rows / self._mass) @ rows.T)
 
     def impel(self, impulse: Floats) -> bool:
@@ -339,7 +333,7 @@ class NetMidpoint(FewInterior):
 
     def kick(self, impulse: Floats) -> None:
         """Let the next layer start with velocities that an impulse on the tips has changed."""
-        self._kick = impulse @ self._held_tips.rows(self._end(self._ahead)) / self._mass
+        self._kick = impulse @ self._tips.rows(self._end(self._ahead)) / self._mass
 
     def reached(self, forces: Floats) -> Floats:
         """Rates of the tips by several contact forces for a second, (several, tips)."""

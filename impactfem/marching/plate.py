@@ -312,8 +312,6 @@ class PlateMidpoint(FewInterior):
 
     def held(self, stations: Stations) -> HeldLumped:
         """It as joints hold it."""
-        if stations.rows is None:
-            raise NotImplementedError
         count = len(stations.places)
         tips = PlateTips(self, stations.rows.reshape(6 * count, -1))
         rows = np.eye(6 * count)[:, tips.moves].reshape(count, 6, -1)

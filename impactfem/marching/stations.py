@@ -93,10 +93,6 @@ class Held(Protocol):
         """
 
     @property
-    def steady_answer_ahead(self) -> Floats:
-        """The same at the end of a layer, by impulses that leave no time for anything else."""
-
-    @property
     def freedoms(self) -> Floats:
         """Inverse moments of inertia of rigid bodies in space amid the layer, (stations, 3, 3)."""
 
@@ -162,11 +158,6 @@ class HeldRigid:
         self.jumped, self.part, self._light = False, part, 1.0 / part.masses[:, None]
         self.steady_answer = None  # they turn
         self.compliance = self.compliance_ahead = np.zeros((len(self._light), 0))
-
-    @property
-    def steady_answer_ahead(self) -> Floats:
-        """Nor this does not."""
-        raise NotImplementedError
 
     def set_out(self, start: float, end: float) -> None:
         """Take up a step."""

@@ -167,7 +167,7 @@ def _largest(a):
 
 @compiled
 def turned_by(rotation, h, found):
-    """A rotation times that of `cayley`, (3, 3); written."""
+    """A rotation times (1 - h)^-1 (1 + h) of a vector h as a skew matrix, (3, 3); written."""
     x, y, z = h
     share = 2.0 / (1.0 + x * x + y * y + z * z)
     for i in range(3):
@@ -177,13 +177,6 @@ def turned_by(rotation, h, found):
         twice = crossed(once, h)
         for j in range(3):
             found[i, j] = row[j] + share * (once[j] + twice[j])
-
-
-@compiled
-def cayley(half):
-    """(1 - h)^-1 (1 + h) of a vector h as a skew matrix."""
-    turned = skew(half)
-    return np.eye(3) + 2.0 / (1.0 + half @ half) * (turned + turned @ turned)
 
 
 @compiled

@@ -1,5 +1,6 @@
 """The plan of any scene: method, choices with their reasons, findings and cost."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -31,12 +32,12 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Numbers:
+class Numbers(ABC):
     """What a runner takes from a plan besides the method; ``unknowns`` and more of its own."""
 
+    @abstractmethod
     def rows(self, plan: "Plan[Any]") -> list[tuple[str, str]]:
         """Lines of the numbers and the cost in a terminal."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)

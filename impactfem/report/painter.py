@@ -1,5 +1,6 @@
 """What pictures of bodies in the plane and in space have in common: window, arrows and pins."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,7 +20,7 @@ _NARROWEST = 0.4  # share of its longer side that a picture of points is wide or
 
 
 @dataclass(frozen=True)
-class Painter:
+class Painter(ABC):
     """Draws bodies at true scale.
 
     Attributes:
@@ -55,17 +56,17 @@ class Painter:
         wider = 0.5 * np.maximum(_NARROWEST * extent.max() - extent, 0.0)
         return np.asarray(window + np.stack([-wider, wider], axis=1))
 
+    @abstractmethod
     def room(self, across: float) -> float:
         """What is left free around bodies that reach so far [m]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def prepare(self, axes: Axes, window: Floats, time: float) -> list[Artist]:
         """Set the frame and draw what stays; returns what lies above the bodies."""
-        raise NotImplementedError
 
+    @abstractmethod
     def draw(self, axes: Axes, snapshot: Snapshot) -> list[Artist]:
         """Draw what belongs to one time; returns the artists from the back to the front."""
-        raise NotImplementedError
 
     def draw_pins(self, axes: Axes, snapshot: Snapshot) -> list[Artist]:
         """Draw joints where they are: round if bodies turn about them, filled if to the ground."""

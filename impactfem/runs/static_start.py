@@ -292,11 +292,11 @@ def _stationed(
     if isinstance(body, MechanismAtRest):
         return body.linked(stations.names)
     if isinstance(body, FewAtRest):
-        if stations.rows is not None:  # ends of bars that are clamped do not move
-            stations = replace(stations, rows=stations.rows[..., : len(body.start)])
+        # Ends of bars that are clamped do not move.
+        stations = replace(stations, rows=stations.rows[..., : len(body.start)])
         return ByRows(stations, body.start, lambda change: change, lambda forces: forces, body.ease)
     if isinstance(body, PlateAtRest):
-        own = len(stations.rows[0, 0]) if stations.rows is not None else 0
+        own = stations.rows.shape[-1]
         behind = len(body.start) - own
         return ByRows(
             stations, body.start, lambda change: change[:own],

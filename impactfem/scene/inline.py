@@ -1,5 +1,6 @@
 """Kinds of values with inner structure: vectors, formulas, inline tables and lists of these."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, override
@@ -205,7 +206,7 @@ class Named(dict[str, Any]):
         return hash(frozenset(self.items()))
 
 
-class ByName(Kind):
+class ByName(Kind, ABC):
     """Entries under names that a file gives, which only its reader knows."""
 
     @override
@@ -227,8 +228,9 @@ class ByName(Kind):
     def _named(self, value: Mapping[Any, object]) -> list[tuple[str, object]]:
         return [(str(name), entry) for name, entry in value.items()]
 
+    @abstractmethod
     def _entry(self, entry: object) -> Any:
-        raise NotImplementedError
+        """Read what a name stands for."""
 
 
 @dataclass(frozen=True)

@@ -159,12 +159,6 @@ class ElasticSystem:
         values[self.supports.moved] = self.supports.motion(t)[0]
         return values
 
-    def prescribed_velocity(self, t: float) -> Floats:
-        """Velocity of constrained degrees of freedom at time t [m/s], 0 elsewhere."""
-        values = np.zeros(len(self.constrained))
-        values[self.supports.moved] = self.supports.motion(t)[1]
-        return values
-
     def load(
         self,
         t: float,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.errors import SceneError
 from impactfem.scene import Bar
 from impactfem.system.beam_parts import BeamParts
 from impactfem.system.convex import Carrier
@@ -176,8 +177,15 @@ class FewBodies:
         return np.concatenate([self.ends[name] for name in surfaces or self.ends])
 
     def stations(self, asked: Sequence[Asked]) -> Stations:
-        """What joints hold of bodies at places [m], (3,); see `BodyKind.takes_joints`."""
-        raise NotImplementedError
+        """What joints hold of bodies at places [m], (3,); see `BodyKind.takes_joints`.
+
+        Raises:
+            SceneError: A kind that is registered does not say how its places move.
+        """
+        raise SceneError(
+            f"{asked[0][0]}: joints and masses cannot hold it, as its system does not say how its "
+            "places move; give Lumped(section=...), or take takes_joints from its class"
+        )
 
     def lines_of(self, body: int) -> Integers:
         """Lines of one of the bodies, by places among its own nodes, (lines, 2)."""
@@ -219,7 +227,7 @@ class Lumped(FewBodies):
     def stations(self, asked: Sequence[Asked]) -> Stations:
         """One for each place, but for those that are the same."""
         if self.section is None:
-            raise NotImplementedError
+            return super().stations(asked)
         of: list[int] = []
         names: list[str] = []
         places: list[Floats] = []

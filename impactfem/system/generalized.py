@@ -7,6 +7,7 @@ t, u and p = M(u) u', here of t, u and v = u'.
 """
 
 from collections.abc import Callable, Hashable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +30,20 @@ from impactfem.system.generalized_input import (
 
 Mass = Callable[[Floats], ArrayLike]
 Force = Callable[[float, Floats, Floats], ArrayLike]
+
+
+class Kin(NamedTuple):
+    """Systems that are one function of t, u, v and what each alone is given.
+
+    Attributes:
+        alike: The same for all of them.
+        given: What this one is given at a time, (m,).
+        accelerations: Of several without contact by t, u, v, given of each in a row, (k, d).
+    """
+
+    alike: Hashable
+    given: Callable[[float], Floats]
+    accelerations: Callable[[Floats, Floats, Floats, Floats], Floats]
 
 
 class GeneralizedSystem:
@@ -148,17 +163,9 @@ class GeneralizedSystem:
         return known and self.rates is None and self.bilateral is None
 
     @property
-    def kin(self) -> Hashable:
-        """What systems share that are one function of t, u, v and `given`; None: no others are."""
+    def kin(self) -> Kin | None:
+        """Those with which it may be in flight at once; None: it has none."""
         return None
-
-    def given(self, t: float) -> Floats:
-        """What it alone is given at a time, (m,)."""
-        raise NotImplementedError
-
-    def accelerations(self, t: Floats, u: Floats, v: Floats, given: Floats) -> Floats:
-        """Of several kin without contact, (k, d); arguments of each in a row."""
-        raise NotImplementedError
 
     def mass(self, u: Floats) -> Floats:
         """Mass matrix M(u), shape (d, d)."""

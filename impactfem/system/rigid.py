@@ -153,7 +153,7 @@ class Rigid(FewBodies):
             spins=np.pad(self.velocity[dim:], (3 - len(self.velocity[dim:]), 0))[None],
             light=np.array([1.0 / self.masses[0]]),
             inertia=self.inertia[None],
-            rows=None,
+            rows=np.zeros((1, 6, 0)),
             compliance=np.zeros((1, 6, 1, 6)),
             freedoms=len(self.velocity),
             given=("velocity", "angular_velocity"),

@@ -37,8 +37,8 @@ class Stations:
         speeds, spins: Of these, spins along their axes [m/s], [rad/s], (stations, 3) each.
         light: Inverse masses of rigid bodies, 0 of others [1/kg], (stations,).
         inertia: Of rigid bodies along their axes [kg m^2], (stations, 3, 3).
-        rows: Velocities and spins in space by rates of the coordinates, (stations, 6, d); None of
-            rigid bodies.
+        rows: Velocities and spins in space by rates of the coordinates, (stations, 6, d); of rigid
+            bodies none, (stations, 6, 0).
         compliance: Velocities and spins by unit impulses at the stations, (stations, 6, stations,
             6); 0 of rigid bodies, which have `light` and `inertia`.
         freedoms: Number of degrees of freedom of the bodies.
@@ -57,7 +57,7 @@ class Stations:
     spins: Floats
     light: Floats
     inertia: Floats
-    rows: Floats | None
+    rows: Floats
     compliance: Floats
     freedoms: int
     given: tuple[str, ...]

@@ -5,7 +5,7 @@ coordinates and that of its slip t: Newton's law n . v+ = -e n . v- and Coulomb'
 of which mu is what brings the slip to -e_t of what it was, if the cone lets it.
 """
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -20,7 +20,7 @@ from impactfem.scene.contacts import Contact
 from impactfem.scene.obstacles import HalfSpace
 from impactfem.scene.pairing import law_of, pair_name
 from impactfem.scene.signal import Signal
-from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.generalized import GeneralizedSystem, Kin
 from impactfem.trajectory.bodies import Symbolic, in_symbols
 from impactfem.trajectory.impacts import Impact
 from impactfem.trajectory.symbols import loaded
@@ -281,16 +281,12 @@ class _TreeSystem(GeneralizedSystem):
         )  # fmt: skip
 
     @cached_property
-    def kin(self) -> Hashable:
+    def kin(self) -> Kin:
         """Forces and mass as text: those of controls, restitution or limits alone are the same."""
-        return tuple(function.serialize() for function in self._kin)
+        alike = tuple(function.serialize() for function in self._kin)
+        return Kin(alike, self._control, self._accelerations)
 
-    @override
-    def given(self, t: float) -> Floats:
-        return self._control(t)
-
-    @override
-    def accelerations(self, t: Floats, u: Floats, v: Floats, given: Floats) -> Floats:
+    def _accelerations(self, t: Floats, u: Floats, v: Floats, given: Floats) -> Floats:
         force, mass = self._kin
         count, d = v.shape
         pushed = np.asarray(force(t[None], u.T, v.T, given.T), dtype=float).T

@@ -17,7 +17,7 @@ from scipy.integrate import DOP853
 
 from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.system.generalized import GeneralizedSystem, Kin, LinearSystem
 from impactfem.vibro.event_legs import Leg
 from impactfem.vibro.event_motion import Motion
 from impactfem.vibro.event_rubbing import RubbingMotion
@@ -184,24 +184,27 @@ class Bundle:
 
 def _rates_of(motions: Sequence[Motion]) -> Callable[[Floats, Floats], Floats]:
     """Rates (k, size) of states (k, size) of all motions at times (k,); kin in flight at once."""
-    kin: dict[Hashable, list[int]] = {}
+    kin: dict[Hashable, dict[int, Kin]] = {}
+    alone = []
     for k, motion in enumerate(motions):
-        key = None if motion.closed else motion.system.kin
-        kin.setdefault(k if key is None else key, []).append(k)
-    groups = [own for own in kin.values() if len(own) > 1]
-    alone = [own[0] for own in kin.values() if len(own) == 1]
+        if motion.closed or (own := motion.system.kin) is None:
+            alone.append(k)
+        else:
+            kin.setdefault(own.alike, {})[k] = own
+    groups = [group for group in kin.values() if len(group) > 1]
+    alone += [k for group in kin.values() if len(group) == 1 for k in group]
     n, d = motions[0].system.coordinates, motions[0].system.dofs
 
     def rates(times: Floats, states: Floats) -> Floats:
         found = np.zeros_like(states)
         for k in alone:
             found[k] = motions[k](float(times[k]), states[k])
-        for own in groups:
+        for group in groups:
+            own, first = list(group), next(iter(group.values()))
             u, v = states[own, :n], states[own, n : n + d]
-            given = np.array([motions[k].system.given(float(times[k])) for k in own])
-            system = motions[own[0]].system
+            given = np.array([each.given(float(times[k])) for k, each in group.items()])
             found[own, :n] = v
-            found[own, n : n + d] = system.accelerations(times[own], u, v, given)
+            found[own, n : n + d] = first.accelerations(times[own], u, v, given)
         return found
 
     return rates

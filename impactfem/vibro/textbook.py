@@ -24,6 +24,7 @@ Bilateral rows b(u) = 0 are held by multipliers in the accelerations, and by the
 velocity, in the metric of M, at the end of each step.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -74,7 +75,7 @@ class TextbookSettings:
         return 2.0 * self.dt
 
 
-class FreeStep:
+class FreeStep(ABC):
     """Steps of a system without contact: a scheme overrides `ends`."""
 
     def __init__(self, system: GeneralizedSystem, h: float) -> None:
@@ -87,9 +88,9 @@ class FreeStep:
         end = self.ends(t, np.concatenate([u, v]))
         return end[: len(u)], end[len(u) :]
 
+    @abstractmethod
     def ends(self, t: float, y: Floats) -> Floats:
         """State at the end of the step."""
-        raise NotImplementedError
 
     def rate(self, t: float, y: Floats) -> Floats:
         """F(t, y), shape (2 d,)."""

@@ -158,9 +158,8 @@ def test_an_obstacle_without_what_is_needed_is_refused(lacks):
     assert "thing" not in OBSTACLES
 
 
-def test_an_obstacle_of_the_plane_is_refused_in_space():
-    @impactfem.register
-    @table()
+@pytest.mark.parametrize(("shown", "where"), [("outline", "the plane"), ("faces", "space")])
+def test_an_obstacle_that_pictures_cannot_show_is_refused(shown, where):
     class Line(RigidObstacle):
         kind: ClassVar[str] = "line"
         name: str = key(Name(), "name", default="line")
@@ -171,12 +170,21 @@ def test_an_obstacle_of_the_plane_is_refused_in_space():
         def is_image(self, other, mirror):  # noqa: ARG002
             return False
 
-        def outline(self):
-            return {}
-
-    ball = {"kind": "point", "mass": 1.0, "position": [0.0, 1.0, 0.0]}
+    setattr(Line, shown, lambda *_: {})
+    impactfem.register(table()(Line))
+    ball = {"kind": "point", "mass": 1.0}
     data = {"title": "t", "duration": 1.0, "body": [ball], "obstacle": [{"kind": "line"}]}
-    with pytest.raises(impactfem.SceneError, match="is one of the plane"):
-        impactfem.Scene.from_dict(data)
-    ball["position"] = [0.0, 1.0]
-    assert impactfem.Scene.from_dict(data).marches
+    fits, fails = [0.0, 1.0], [0.0, 1.0, 0.0]
+    if shown == "faces":
+        fits, fails = fails, fits
+    with pytest.raises(impactfem.SceneError, match=f"is one of {where}"):
+        impactfem.Scene.from_dict(data | {"body": [ball | {"position": fails}]})
+    assert impactfem.Scene.from_dict(data | {"body": [ball | {"position": fits}]}).marches
+
+
+def test_a_body_whose_places_are_not_told_is_not_held():
+    impactfem.register(table()(puck(takes_joints=True)))
+    pin = {"kind": "revolute", "between": ["puck", "ground"], "point": [0.0, 1.0]}
+    data = {"title": "t", "duration": 1.0, "body": [{"kind": "puck"}], "joint": [pin]}
+    with pytest.raises(impactfem.SceneError, match=r"puck: joints .* give Lumped\(section"):
+        impactfem.solve(impactfem.Scene.from_dict(data))

@@ -5,6 +5,7 @@ obstacle is revolved about the axis, as the body is.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Self
@@ -71,7 +72,7 @@ class Ridges(NamedTuple):
     last: Floats
 
 
-class RigidObstacle:
+class RigidObstacle(ABC):
     """What the rigid obstacles of solids have in common.
 
     Attributes:
@@ -97,6 +98,9 @@ class RigidObstacle:
         if dim == 3 and type(self).faces is RigidObstacle.faces:
             text = f" = {show(self.kind)} is one of the plane, but the body has 3 coordinates"
             raise KeyedError(self.kind, "kind", f"{text}: give another kind, or a method faces.")
+        if dim == 2 and type(self).outline is RigidObstacle.outline:
+            text = f" = {show(self.kind)} is one of space, but the body has 2 coordinates"
+            raise KeyedError(self.kind, "kind", f"{text}: give another kind, or a method outline.")
         for name in (*self._vectors, "motion"):
             value = getattr(self, name)
             if value is not None and len(value) != dim:
@@ -191,6 +195,7 @@ class RigidObstacle:
         """Whether it, at rest, is the same at all z from low to high [m]."""
         return False
 
+    @abstractmethod
     def gap(self, points: Floats) -> Field:
         """Distances of points from it at rest, and their gradients.
 
@@ -202,7 +207,6 @@ class RigidObstacle:
         Returns:
             Distances [m], shape (points,); unit normals towards the body, shape (points, dim).
         """
-        raise NotImplementedError
 
     def other_gap(self, points: Floats) -> Field | None:  # noqa: ARG002
         """Distances from another face that balls may touch at once, as `gap`; None if none can.
@@ -219,11 +223,11 @@ class RigidObstacle:
         """Whether it, at rest, is the mirror image of another one."""
         return isinstance(other, type(self)) and self.is_image(other, mirror)
 
+    @abstractmethod
     def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
-        raise NotImplementedError
 
-    def faces(self, centre: Floats, reach: float) -> Floats:
+    def faces(self, centre: Floats, reach: float) -> Floats:  # noqa: ARG002
         """Triangles whose normals point to the side of the body, at rest, in space.
 
         Args:
@@ -233,7 +237,7 @@ class RigidObstacle:
         Returns:
             Corners, shape (triangles, 3, 3).
         """
-        raise NotImplementedError
+        return np.empty((0, 3, 3))
 
     def lines(self, centre: Floats, reach: float) -> Floats:  # noqa: ARG002
         """Lines on its faces, (lines, 2, 3)."""
@@ -241,7 +245,7 @@ class RigidObstacle:
 
     def outline(self) -> dict[str, Any]:
         """Its outline in the plane at rest, as moving pictures take it."""
-        raise NotImplementedError
+        return {}
 
 
 def unit(vector: Sequence[float]) -> tuple[float, ...]:
