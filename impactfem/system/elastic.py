@@ -153,12 +153,6 @@ class ElasticSystem:
         """Undeformed centre of mass [m], shape (dim,) (collective)."""
         return self.mean(self.positions.ravel())
 
-    def prescribed(self, t: float) -> Floats:
-        """Displacement of constrained degrees of freedom at time t [m], 0 elsewhere."""
-        values = np.zeros(len(self.constrained))
-        values[self.supports.moved] = self.supports.motion(t)[0]
-        return values
-
     def load(
         self,
         t: float,

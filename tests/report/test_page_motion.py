@@ -1,5 +1,6 @@
 """The moving picture of the page shows the motion of the result, within the rounding it states."""
 
+import base64
 import json
 from dataclasses import replace
 
@@ -22,7 +23,6 @@ from impactfem.report.page.motion_data import (
     packed_indices,
     packed_signs,
     telling_frames,
-    unpacked,
 )
 from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstacles
 from impactfem.report.skin import Skin
@@ -41,6 +41,12 @@ from impactfem.scene import (
 from impactfem.shipped import find_scene
 
 FLOOR = HalfSpace(name="floor", point=[0.0, 0.0], normal=[0.0, 1.0])
+
+
+def unpacked(entry):
+    """Numbers that were packed, shape (count,): what the page reads."""
+    whole = np.frombuffer(base64.b64decode(entry["data"]), dtype=f"<u{entry['bits'] // 8}")
+    return entry["low"] + entry["step"] * whole.astype(np.float64)
 
 
 @given(

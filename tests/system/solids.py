@@ -36,7 +36,8 @@ def to_scipy(matrix):
 
 def equilibrium(body, t=0.0):
     """Displacement of each node without inertia, shape (nodes, dim)."""
-    right = body.load(t, lumped=True) + body.prescribed(t)
+    right = np.array(body.load(t, lumped=True))
+    right[body.supports.moved] += body.supports.motion(t)[0]
     return spsolve(to_scipy(body.stiffness).tocsc(), right).reshape(-1, body.dim)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impactfem.arrays import Floats, Integers
+from impactfem.arrays import Integers
 from impactfem.report.page.numbers import round_below
 from impactfem.result import Record
 
@@ -48,13 +48,6 @@ def packed_indices(values: ArrayLike) -> dict[str, Any]:
     given = np.asarray(values).ravel()
     bits = 16 if not len(given) or given.max() < 2**16 else 32
     return {"low": 0, "step": 1, "bits": bits, "data": _text(given, bits)}
-
-
-def unpacked(entry: dict[str, Any]) -> Floats:
-    """Numbers that were packed, shape (count,): what the page reads."""
-    kind = np.dtype(_KINDS[entry["bits"]]).newbyteorder("<")
-    whole = np.frombuffer(base64.b64decode(entry["data"]), dtype=kind)
-    return np.asarray(entry["low"] + entry["step"] * whole.astype(np.float64))
 
 
 def _text(values: NDArray[Any], bits: int) -> str:
