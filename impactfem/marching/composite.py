@@ -79,6 +79,13 @@ class Bodies[P: Stepper]:
         """Of the contact nodes of all bodies at the end of the step, as it is solved now [m]."""
         return np.concatenate([part.surface_iterate for part in self.parts])
 
+    @property
+    def beyond(self) -> Floats:
+        """How far contact nodes went beyond what answers say of the forces on them [m]."""
+        each = ((part, self.own(k)) for k, part in enumerate(self.parts))
+        none = np.zeros_like(self.surface_iterate)
+        return np.concatenate([getattr(part, "beyond", none[own]) for part, own in each])
+
     def finish(self, static: Floats) -> Sequence[Sums]:
         """End the layer of all bodies; sums of each."""
         if len(self.parts) == 1:

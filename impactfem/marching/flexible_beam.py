@@ -100,6 +100,7 @@ class FlexibleMidpoint(FewInterior):
         self._way = np.zeros((count, 6))
         self._outer: Frames = self._frames
         self._factor = self._tangent(self._way)
+        self.beyond: Floats = np.zeros_like(self.surface_way)
 
     @property
     def _frames(self) -> Frames:
@@ -202,6 +203,7 @@ class FlexibleMidpoint(FewInterior):
         guess = self.span * np.hstack([self._speed, self._space(self._spin)])
         self._factor = self._tangent(guess)
         self._way = self._settle(guess)
+        self.beyond = np.zeros_like(self.surface_way)
 
     set_out = begin
 
@@ -315,9 +317,11 @@ class FlexibleMidpoint(FewInterior):
     answers = columns
 
     def strike(self, forces: Floats) -> None:
-        """The same."""
+        """The same, and how far the nodes go beyond what `columns` says of these forces."""
+        foreseen = self.surface_way + self.columns(forces[None])[0][0]
         self._pushed = self._pushed + self.span * self._on_nodes(forces)
         self._way = self._settle(self._way)
+        self.beyond = self.beyond + self.surface_way - foreseen
 
     def lay(self, forces: Floats) -> None:
         """Put the contact forces of the step (count, dim), to be solved for."""

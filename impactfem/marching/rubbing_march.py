@@ -112,6 +112,8 @@ class RubbingMarch(SolidMarch):
         rows, row = self.rows, self.layer
         # What rubs in an impact is part of its law: a split of its loss would say nothing.
         struck, work = self._impulsive, self._rubbing.work
+        if self._rubbing_force.size:
+            work = work + self._beyond(self._rubbing_force)
         lost = float(work[struck].sum()) if struck.any() else 0.0
         rows.friction_work[row] = part * (float(work.sum()) - lost)
         rows.impact_work[row] += part * lost

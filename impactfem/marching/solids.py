@@ -138,7 +138,7 @@ class SolidMarch(TimeLoop[Interior]):
         self.layer = layer + 1
         self.rows.put(self.layer, interior.finish(static))
         true = self._true_gap
-        self._struck(force, gap)
+        self._struck(force, gap, normals)
         held: Floats | float = 0.0
         if self._bonds is not None:
             held = self._hold(self._bonds, force, multiplier, normals, begin)
@@ -354,7 +354,14 @@ class SolidMarch(TimeLoop[Interior]):
     def _end_layer(self, time: float, part: float, place: Floats) -> None:
         """Called when a layer has ended; for friction."""
 
-    def _struck(self, force: Floats, gap: Floats) -> None:
+    def _beyond(self, along: Floats) -> Floats:
+        """How far gaps went beyond what answers say, times vectors, (pairs,): beams that turn."""
+        beyond = getattr(self.interior, "beyond", None)
+        if beyond is None or not beyond.any():
+            return np.zeros(len(along))
+        return _along(along, self._gaps.relative(beyond))
+
+    def _struck(self, force: Floats, gap: Floats, normals: Floats) -> None:
         """What impacts of nodes with mass have taken in the layer, and their impulse.
 
         An impact is where such a node arrives with a speed. What else acts between nodes with mass
@@ -363,12 +370,13 @@ class SolidMarch(TimeLoop[Interior]):
         Args:
             force: Of the layer [N], (pairs,).
             gap: Gaps at its end without contact forces [m], (pairs,).
+            normals: Of the gaps, (pairs, dim).
         """
         if (self._scheme.contact == "velocity" and not self._by_mass) or not force.any():
             self._impulsive = np.zeros(len(force), dtype=bool)
             return
         share, answered = self.interior.share, 0.5 * self.interior.dt / self._reach
-        row, change = self.layer, answered * (self._true_gap - gap)
+        row, change = self.layer, answered * (self._true_gap + self._beyond(normals) - gap)
         before, arriving = self.contact.multiplier, self._arriving
         found = struck_sums(force, self._fast, self._mean_way, change, before, arriving)
         work, struck, self._impulsive = found
