@@ -4,6 +4,7 @@ Its coordinates, for joints, are places and turns of the tips: how impulses ther
 solved for once. Contact forces go to the massless nodes as without joints.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import replace
 from typing import Any, cast
 
@@ -20,7 +21,7 @@ from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes
 
 
-class Tipped:
+class Tipped(ABC):
     """Tips of an interior: what joints ask of it.
 
     Attributes:
@@ -34,8 +35,6 @@ class Tipped:
     def _take_tips(self, nodes: SurfaceNodes, stations: Stations | None) -> None:
         """Take tips, whose rows are those of nodes; None: nothing holds it."""
         each = np.zeros((0, 0)) if stations is None else stations.rows
-        if each is None:
-            raise NotImplementedError
         self._tips, rows = nodes, each.reshape(int(np.prod(each.shape[:-1])), each.shape[-1])
         self._moves = np.flatnonzero(rows.any(axis=1))  # in the plane not all
         self._rows: Floats = rows[self._moves]
@@ -57,16 +56,16 @@ class Tipped:
         rows = np.eye(6 * count)[:, self._moves].reshape(count, 6, -1)
         return HeldLumped(cast("Any", self), replace(stations, rows=rows))
 
-    def look(self) -> None:
+    def look(self) -> None:  # noqa: B027  (of others)
         """Nothing: contact nodes move with each force."""
 
     def kick(self, impulse: Floats) -> None:
         """Let the next layer start with rates that an impulse (d,) has changed."""
         self._kick = impulse
 
+    @abstractmethod
     def _unit(self, force: Floats) -> list[Floats]:
         """What a force on contact nodes (count, dim) does to these, last to the tips."""
-        raise NotImplementedError
 
     def _by_units(self, forces: Floats) -> list[Floats]:
         """The same by several forces (several, count, dim), (several, ...) each, which is kept."""
