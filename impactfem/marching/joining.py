@@ -487,6 +487,7 @@ class Joining[P: Stepper](Bodies[P]):
         self._now = self._end
         self._show(self._ends)
         self._states.part(self._shown[:, 2], self._now)
+        self._acting[self._states.gone] = 0.0  # rounding would leave 1e-32 of it in each step
         self._terms = self._ends
         return self._stored(self._ends), driven
 

@@ -100,7 +100,7 @@ class JointStates:
         """
         joints, dt = self._joints, self.span
         laws = self._still.copy()
-        laws[self._gone] = 0.0, 1.0, 0.0
+        laws[self.gone] = 0.0, 1.0, 0.0
         for row in self._soft:
             if (soft := joints.joints[joints.owner[row]].soft) is not None:
                 missing = begun[row] - joints.start[row]
@@ -131,14 +131,14 @@ class JointStates:
         return laws
 
     @property
-    def _gone(self) -> Booleans:
+    def gone(self) -> Booleans:
         """Rows of ties that have let go, (rows,)."""
         return np.isfinite(self.parted)[self._joints.owner]
 
     @property
     def hard(self) -> Booleans:
         """Rows that are constraints now and do not give way, (rows,)."""
-        return np.asarray(self._joints.hard & ~self._gone)
+        return np.asarray(self._joints.hard & ~self.gone)
 
     def part(self, forces: Floats, time: float) -> None:
         """Let ties go whose resultants [N], (joints,), are too large at a time [s]."""
