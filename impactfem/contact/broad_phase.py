@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from impactfem.arrays import Floats, Integers
-from impactfem.contact.line_kernels import balls_of, clipped_ways, opposite, pairs_among
+from impactfem.contact.line_kernels import Balls, balls_of, clipped_ways, opposite, pairs_among
 from impactfem.contact.mortar_surface import Surface
 
 FACING = 0.2
@@ -20,9 +20,6 @@ FACING = 0.2
 
 _FEW = 50_000  # pairs of faces up to which each is looked at
 _CHUNK = 5_000  # faces looked at in one go: bounds the memory
-
-type Balls = tuple[Floats, Floats, Floats, Floats]
-"""Centres, radii and normals of faces, and how far their ways turn from these."""
 
 
 def candidates(
@@ -54,10 +51,10 @@ def candidates(
     if len(looking) * len(other.faces) <= _FEW:
         return np.asarray(pairs_among(looking, here, there, begin, end, FACING))
     found = [np.empty((0, 2), dtype=np.int64)]
-    level_here, level_there = (_levels(balls[1]) for balls in (here, there))
+    level_here, level_there = (_levels(balls.radius) for balls in (here, there))
     for small in np.unique(level_there):
         mine = np.flatnonzero(level_there == small)
-        size, tree = float(there[1][mine].max()), KDTree(there[0][mine])
+        size, tree = float(there.radius[mine].max()), KDTree(there.centre[mine])
         for level in np.unique(level_here[looking]):
             faces = looking[level_here[looking] == level]
             for start in range(0, len(faces), _CHUNK):

@@ -1,7 +1,10 @@
 """Compiled loops of the mortar overlaps in the plane; see `contact.mortar_lines`."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from impactfem.arrays import Floats
 from impactfem.compiled import compiled
 
 _FLAT = 1e-12  # share of its trace below which a patch's J tells no spin
@@ -168,9 +171,18 @@ def overlaps(carrier, other, ways, backs, pairs, limits, rule, factors, tests):
     return here, there, vectors, cover, gaps
 
 
+class Balls(NamedTuple):
+    """Centres (faces, dim), radii and normals of faces, and how far ways turn from these."""
+
+    centre: Floats
+    radius: Floats
+    normal: Floats
+    tilt: Floats
+
+
 @compiled
 def balls_of(points, faces, vectors, ways):
-    """Centres (faces, dim), radii and normals of faces, and how far ways turn from these.
+    """`Balls` of faces.
 
     Args:
         points: Places of the nodes [m], (nodes, dim).
@@ -192,7 +204,7 @@ def balls_of(points, faces, vectors, ways):
             radius[f] = max(radius[f], np.sqrt(((points[faces[f, k]] - centre[f]) ** 2).sum()))
         for k in range(ways.shape[1]):
             tilt[f] = max(tilt[f], np.sqrt(((ways[f, k] - normal[f]) ** 2).sum()))
-    return centre, radius, normal, tilt
+    return Balls(centre, radius, normal, tilt)
 
 
 @compiled
@@ -200,15 +212,15 @@ def clipped_ways(here, there, begin, end):
     """Ways shortened to where they can meet the box about all of ``there``; empty ones end first.
 
     Args:
-        here, there: What `balls_of` tells of both.
+        here, there: Of both.
         begin, end: Ends of the ways [m], (faces,) each; written.
     """
     centre, radius, normal, tilt = here
     for c in range(centre.shape[1]):
         low, high = np.inf, -np.inf
-        for g in range(len(there[0])):
-            low = min(low, there[0][g, c] - there[1][g])
-            high = max(high, there[0][g, c] + there[1][g])
+        for g in range(len(there.centre)):
+            low = min(low, there.centre[g, c] - there.radius[g])
+            high = max(high, there.centre[g, c] + there.radius[g])
         for f in range(len(centre)):
             margin = radius[f] + tilt[f] * max(abs(begin[f]), abs(end[f]))
             slope, start = normal[f, c], centre[f, c]
@@ -223,15 +235,15 @@ def clipped_ways(here, there, begin, end):
 @compiled
 def _are_opposite(f, g, here, there, begin, end, facing):
     """Whether two faces face each other and lie beside each other's way."""
-    size, tilt = here[1][f] + there[1][g], here[3][f]
+    size, tilt = here.radius[f] + there.radius[g], here.tilt[f]
     along, cosine, square = 0.0, 0.0, 0.0
-    for c in range(here[0].shape[1]):
-        along += (there[0][g, c] - here[0][f, c]) * here[2][f, c]
-        cosine += here[2][f, c] * there[2][g, c]
-    for c in range(here[0].shape[1]):
-        square += (there[0][g, c] - here[0][f, c] - along * here[2][f, c]) ** 2
+    for c in range(here.centre.shape[1]):
+        along += (there.centre[g, c] - here.centre[f, c]) * here.normal[f, c]
+        cosine += here.normal[f, c] * there.normal[g, c]
+    for c in range(here.centre.shape[1]):
+        square += (there.centre[g, c] - here.centre[f, c] - along * here.normal[f, c]) ** 2
     slack = size + tilt * max(abs(begin[f]), abs(end[f]))
-    faces_it = cosine < -facing + 2.0 * (tilt + there[3][g])
+    faces_it = cosine < -facing + 2.0 * (tilt + there.tilt[g])
     beside = np.sqrt(square) <= size + tilt * (abs(along) + size)
     return faces_it and beside and begin[f] - slack <= along <= end[f] + slack
 
@@ -242,7 +254,7 @@ def opposite(pairs, here, there, begin, end, facing):
 
     Args:
         pairs: Faces of both.
-        here, there: What `balls_of` tells of both.
+        here, there: Of both.
         begin, end: Ends of the ways of the first ones [m].
         facing: Least cosine between one normal and the other reversed.
     """
@@ -255,9 +267,9 @@ def opposite(pairs, here, there, begin, end, facing):
 @compiled
 def pairs_among(looking, here, there, begin, end, facing):
     """Opposite ones among all pairs of some faces, rising, with all others; see `opposite`."""
-    found, last = np.empty((len(looking) * len(there[0]), 2), dtype=np.int64), 0
+    found, last = np.empty((len(looking) * len(there.centre), 2), dtype=np.int64), 0
     for f in looking:
-        for g in range(len(there[0])):
+        for g in range(len(there.centre)):
             if _are_opposite(f, g, here, there, begin, end, facing):
                 found[last, 0], found[last, 1] = f, g
                 last += 1
