@@ -20,11 +20,10 @@ from impactfem.marching.joint_kernels import FAST, FOUND, joined
 from impactfem.marching.joint_states import JointStates
 from impactfem.marching.layers import Stepper, Sums
 from impactfem.marching.meshless import step_length
-from impactfem.marching.rigid_sums import applied
-from impactfem.marching.rubbing import crossed
 from impactfem.marching.stations import Held, Motion
 from impactfem.marching.steady_rows import SteadyRows
 from impactfem.result.history import LOST
+from impactfem.scene import Joint
 from impactfem.scene.ties import TieRows
 from impactfem.system.joint_kernels import (
     ANGLE,
@@ -33,8 +32,8 @@ from impactfem.system.joint_kernels import (
     at_gradients,
     delassus,
     least,
+    shown,
     sizes_of,
-    term_rates,
     wrenches,
 )
 from impactfem.system.joints import Joints
@@ -43,6 +42,9 @@ from impactfem.system.stations import couples
 _MOST = 50  # looks for forces by formula, and for what slips, stops or lets go in a layer
 _TWO = 2.0  # of which half counts, where rates and not ways of a step are asked for
 _ROUNDING = 64.0 * float(np.finfo(float).eps)  # of places in a row
+
+_SHOWN = ("q", "v", "force", "moment", LOST)  # of each joint
+_FORCE = _SHOWN.index("force")
 
 
 class Joining[P: Stepper](Bodies[P]):
@@ -79,6 +81,7 @@ class Joining[P: Stepper](Bodies[P]):
         self._at = [slice(*both) for both in pairwise(ends)]  # stations of each
         terms, count, each = joints.terms, joints.count, len(joints.joints)
         self._acting = np.zeros(count)
+        self._summed: tuple[tuple[Floats, Floats], ...] = ()  # terms and rows
         self._terms = joints.values_at(joints.places, joints.turns, np.zeros(len(terms.kinds)))
         self._gradient = joints.gradient
         self._rates = joints.rates_now()
@@ -88,7 +91,6 @@ class Joining[P: Stepper](Bodies[P]):
         self._shift = np.array([joints.shift(joint) for joint in joints.joints])
         self._gears = np.array([joint.between is None for joint in joints.joints])
         self._owner = joints.owner[terms.rows]
-        self._leading = np.unique(self._owner, return_index=True)[1]  # first term of each joint
         self._struck = False
         self._tied = np.array([isinstance(joint, TieRows) for joint in joints.joints])
         # Whether rows act along lines that stay, by laws that do.
@@ -97,7 +99,8 @@ class Joining[P: Stepper](Bodies[P]):
         # Where they do, and bodies answer alike in all layers, one factor is that of all.
         steady = self._same and not joints.redundant and joints.count > 0
         answers = [body.steady_answer for body in held]
-        self._images: Floats | None = None  # see `mirror`
+        self._columns = {joint.name: _columns(joint) for joint in joints.joints}
+        self._images = np.ones((each, 3))  # see `mirror`
         self._steady = steady and all(answer is not None for answer in answers)
         self._kept: SteadyRows | None = None
         self._kept_ahead: SteadyRows | None = None
@@ -111,8 +114,7 @@ class Joining[P: Stepper](Bodies[P]):
         self._middles = joints.turns
         self._ends = self._terms
         self._look()
-        # Coordinate, rate, force and moment in the layer, energy taken up to now.
-        self._shown = np.zeros((each, 5))
+        self._shown = np.zeros((each, len(_SHOWN)))  # of the layer; what was taken up to now
         self._show(self._terms)
 
     def _look(self) -> None:
@@ -196,8 +198,13 @@ class Joining[P: Stepper](Bodies[P]):
             body.set_out(start, end)
 
     def _coordinates(self, terms: Floats) -> Floats:
-        """Rows by values of their terms, (rows,)."""
-        return self._joints.terms.sums(terms, self._joints.count)
+        """Rows by values of their terms, (rows,), which are kept of a layer's start and end."""
+        for known, rows in self._summed:
+            if known is terms:
+                return rows
+        rows = self._joints.terms.sums(terms, self._joints.count)
+        self._summed = *self._summed[-1:], (terms, rows)
+        return rows
 
     def _stored(self, terms: Floats) -> float:
         """Energy in the springs [J]."""
@@ -407,54 +414,31 @@ class Joining[P: Stepper](Bodies[P]):
     def mirror(self, axes: Sequence[int]) -> None:
         """Tell forces of ties of a whole of which planes across some axes leave a part."""
         if len(axes):
-            self._images = np.full(3, 2.0 ** len(axes))
-            self._images[list(axes)] = 0.0
+            self._images[self._tied] = 2.0 ** len(axes)
+            self._images[np.ix_(self._tied, list(axes))] = 0.0
             self._show(self._terms)
 
     def _show(self, terms: Floats) -> None:
         """Rates of the rows now, and what columns of joints show."""
         joints, t, dt = self._joints, self._joints.terms, self.span
-        rows = self._coordinates(terms)
-        places, turns = self._starts()
-        now = at_gradients(t.kinds, t.bodies, t.arms, t.axes, places, turns, terms)
         led = joints.ground.at(self._now)[1], joints.ground.still
         moving = _stacked([led, *(body.rates for body in self._held)])
-        self._rates = t.sums(term_rates(now, t.bodies, turns, *moving), joints.count)
-        moves = joints.moving >= 0
-        self._shown[moves, 0] = rows[joints.moving[moves]] + self._shift[moves]
-        self._shown[moves, 1] = self._rates[joints.moving[moves]]
-        acting, first = self._acting / dt, self._leading
-        each = acting[None], self._gradient[:, 1:], t.rows, t.shares, self._owner[:, None]
-        (pushes,) = wrenches(*each, len(moves))
-        forces = pushes[:, :3]
-        arms = applied(self._middles[t.bodies[first, 1]], t.arms[first, 1])
-        moments = pushes[:, 3:] - crossed(arms, forces)
-        about = moments[:, 2] if self._dim == 2 else np.linalg.norm(moments, axis=1)
-        if self._images is not None:
-            forces = np.where(self._tied[:, None], self._images * forces, forces)
-        self._shown[:, 2], self._shown[:, 3] = np.linalg.norm(forces, axis=1), about
-        for k in np.flatnonzero(self._gears):
-            at = np.flatnonzero(self._owner == k)[-1]
-            self._shown[k, 2:4] = acting[t.rows[at]] * t.shares[at], 0.0
+        stations = *self._starts(), *moving, self._middles
+        more = self._owner, joints.moving, self._shift, self._gears, self._images, self._dim
+        acting = self._gradient, self._acting / dt
+        own = t.kinds, t.rows, t.bodies, t.arms, t.axes, t.shares
+        self._rates = shown(own, terms, *acting, stations, more, self._shown)
 
     def told(self) -> dict[str, dict[str, float]]:
         """Columns of the joints; those without a coordinate have forces only, ties but these."""
-        found = {}
-        ties = {
-            joint.name: force
-            for joint, force in zip(self._joints.joints, self._shown[:, 2].tolist(), strict=True)
-            if isinstance(joint, TieRows)
-        }
-        if ties:
-            found["force"] = ties
+        ties, found = {}, {}
         for joint, values in zip(self._joints.joints, self._shown.tolist(), strict=True):
-            if joint.name in ties:
-                continue
-            names = ["q", "v"] * joint.moves + ["force"]
-            names += ["moment"] * (joint.between is not None) + [LOST]
-            known = dict(zip(("q", "v", "force", "moment", LOST), values, strict=True))
-            found[joint.name] = {name: known[name] for name in names}
-        return found
+            columns = self._columns[joint.name]
+            if columns:
+                found[joint.name] = {name: values[at] for name, at in columns}
+            else:
+                ties[joint.name] = values[_FORCE]
+        return {"force": ties, **found} if ties else found
 
     def parted(self) -> dict[str, float]:
         """When ties let go [s]."""
@@ -525,6 +509,15 @@ class Joining[P: Stepper](Bodies[P]):
             body.remember(
                 {n.removeprefix(first): v for n, v in memory.items() if n.startswith(first)}
             )
+
+
+def _columns(joint: Joint) -> list[tuple[str, int]]:
+    """What is shown of a joint, and where that stands in its values; of ties nothing."""
+    if isinstance(joint, TieRows):
+        return []
+    names = [*_SHOWN[: 2 * joint.moves], "force"]
+    names += ["moment"] * (joint.between is not None) + [LOST]
+    return [(name, _SHOWN.index(name)) for name in names]
 
 
 def _solved(known: Sequence[Any], joints: Joints) -> Any:

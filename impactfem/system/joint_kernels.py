@@ -153,6 +153,55 @@ def term_rates(gradient, bodies, turns, speeds, spins):
 
 
 @compiled
+def shown(terms, values_now, gradient, acting, stations, joints, found):
+    """Fill in what columns of joints show: coordinate, rate, force and moment, (joints, 4 or more).
+
+    Args:
+        terms: Kinds, rows, bodies, arms, axes, shares; see `impactfem.system.joints.Terms`.
+        values_now: Of the terms, (terms,).
+        gradient: By which forces acted, (terms, 2, 6).
+        acting: Forces of the rows, (rows,).
+        stations: Places, rotations, velocities, spins along their axes, and the rotations amid the
+            layer that forces acted in.
+        joints: Joint of each term (terms,), row of the coordinate of each joint or -1, what that is
+            more than the row, whether there are no bodies between which a moment could act
+            (joints,), factors of forces along the axes (joints, 3), and the dimension.
+
+    Returns:
+        Rates of the rows, (rows,).
+    """
+    kinds, rows, bodies, arms, axes, shares = terms
+    places, turns, speeds, spins, middles = stations
+    owner, moving, more, geared, factors, dim = joints
+    now = at_gradients(kinds, bodies, arms, axes, places, turns, values_now)
+    each = term_rates(now, bodies, turns, speeds, spins)
+    sums, rates = np.zeros(len(acting)), np.zeros(len(acting))
+    pushes, about = np.zeros((len(moving), 6)), np.full(len(moving), -1)
+    for t in range(len(rows)):
+        sums[rows[t]] += shares[t] * values_now[t]
+        rates[rows[t]] += shares[t] * each[t]
+        k, size = owner[t], acting[rows[t]] * shares[t]
+        for i in range(6):
+            pushes[k, i] += size * gradient[t, 1, i]
+        if geared[k]:
+            found[k, 2], found[k, 3] = size, 0.0
+        if about[k] < 0:
+            about[k] = t
+    for k in range(len(moving)):
+        if moving[k] >= 0:
+            found[k, 0], found[k, 1] = sums[moving[k]] + more[k], rates[moving[k]]
+        if geared[k]:
+            continue
+        force, first = pushes[k, :3], about[k]
+        moment = crossed(by(middles[bodies[first, 1]], arms[first, 1]), force)
+        x, y, z = less(pushes[k, 3:], moment)
+        found[k, 3] = z if dim == 2 else np.sqrt(x * x + y * y + z * z)
+        x, y, z = factors[k] * force
+        found[k, 2] = np.sqrt(x * x + y * y + z * z)
+    return rates
+
+
+@compiled
 def wrenches(acting, gradient, rows, shares, of, count):
     """Impulses by those of rows (several, rows) on bodies, (several, bodies, 6).
 
