@@ -133,6 +133,23 @@ def global_mesh(
     )
 
 
+def moved_mesh(mesh: Any, points: NDArray[np.float64]) -> Any:
+    """The same elements, on the same ranks, with nodes elsewhere.
+
+    Args:
+        mesh: A mesh of `global_mesh`.
+        points: Of all local nodes, shape (nodes, dim).
+    """
+    own = mesh.geometry
+    index, places = own.index_map(), np.ascontiguousarray(points)
+    numbers = own.input_global_indices
+    element = own.cmaps[0] if hasattr(own, "cmaps") else own.cmap  # DOLFINx 0.9
+    geometry = dolfinx_mesh.create_geometry(index, cell_nodes(mesh), element, places, numbers)
+    kinds: Any = [each._cpp_object for each in (mesh.topology, geometry)]  # noqa: SLF001
+    made = dolfinx.cpp.mesh.Mesh_float64(mesh.comm, *kinds)
+    return dolfinx_mesh.Mesh(made, ufl.Mesh(mesh.ufl_domain().ufl_coordinate_element()))
+
+
 def node_vector(mesh: Any) -> Any:
     """Make a vector of one number, at first 0, for each node of the geometry, ghosts included."""
     return dolfinx.la.vector(mesh.geometry.index_map(), 1, dtype=np.float64)

@@ -75,7 +75,7 @@ class PlateAdjoints(Adjoints):
         return np.concatenate([np.zeros(0), *(sign * pushed for sign, _ in own.loads)])
 
     @override
-    def _loads(self, scene: Scene) -> Floats:
+    def _loads(self, scene: Scene, there: Any = None) -> Floats:
         """Pressures at the vertices in all layers [Pa], one after the other."""
         levels = np.arange(self._march.layers, dtype=np.float64)
         begin, end = self._spans(self._march.interior.dt * levels)
@@ -104,7 +104,7 @@ class PlateAdjoints(Adjoints):
         return one
 
     @override
-    def _material(self, scene: Scene) -> Floats:
+    def _material(self, scene: Scene, nodes: Any = None) -> Floats:
         (plate,) = scene.bodies
         return plate_numbers(cast("Plate", plate), self._plate.mesh, shears=self._plate.shears)
 

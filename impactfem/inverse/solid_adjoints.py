@@ -6,7 +6,7 @@ constants of each element, which are then held against how these change from sce
 (`impactfem.inverse.local_slopes`).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
 from itertools import pairwise
@@ -25,11 +25,13 @@ from impactfem.inverse.steps import Changes
 from impactfem.marching.layers import MaterialSums
 from impactfem.marching.reversed_march import Given, Reading, ReversedMarch
 from impactfem.marching.solids import SolidMarch
-from impactfem.scene import Plate, Scene
+from impactfem.mesh.morph import SHAPES, morphed, shaped
+from impactfem.scene import Plate, Scene, Solid
 from impactfem.system.loads import Loads
 from impactfem.system.massless import averaged
 from impactfem.system.material_slopes import MaterialSlopes, cell_spans, material_numbers
 from impactfem.system.matrices import body_forms
+from impactfem.system.nodes import Nodes, body_nodes
 
 if TYPE_CHECKING:
     from impactfem.inverse.contact_spells import Pair
@@ -38,8 +40,10 @@ if TYPE_CHECKING:
 
 _LOADS = ("tractions", "pressures")
 _STARTS = ("velocity", "angular_velocity", "displacement")
-_MATERIALS = ("density", "youngs_modulus", "poisson_ratio", "thickness", "materials")
-_OF_PLATES = ("orthotropic", "layers", "residual_stress")
+_MATERIALS = (
+    "density", "youngs_modulus", "poisson_ratio", "thickness", "materials", "orthotropic",
+)  # fmt: skip
+_OF_PLATES = ("layers", "residual_stress")
 
 
 def reversible(ready: "Ready") -> bool:
@@ -52,20 +56,33 @@ def reversible(ready: "Ready") -> bool:
 
 
 def varies_materials(changes: Changes) -> bool:
-    """Whether the material changes with what varies, as far as is known."""
+    """Whether material or shape change with what varies, as far as is known."""
+    return _varies(changes, _differ)
+
+
+def _varies(changes: Changes, differ: Callable[[Any, Any], bool]) -> bool:
+    """Whether bodies differ from those of scenes beside these, as far as is known."""
     bodies = changes.scene.bodies
     for share in (1e-3, -1e-3):
         try:
             others = changes.at(changes.values + share * changes.scales).bodies
         except SceneError:
             continue
-        return any(_differ(a, b) for a, b in zip(bodies, others, strict=True))
+        return any(differ(a, b) for a, b in zip(bodies, others, strict=True))
     return True
 
 
 def _differ(body: Any, other: Any) -> bool:
-    """Whether constants of their materials do."""
-    return any(getattr(body, name, None) != getattr(other, name, None) for name in materials(body))
+    """Whether constants of their materials, or their shapes, do."""
+    names = materials(body)
+    return _shaped(body, other) or any(
+        getattr(body, name, None) != getattr(other, name, None) for name in names
+    )
+
+
+def _shaped(body: Any, other: Any) -> bool:
+    """Whether nodes of a body are elsewhere in another."""
+    return isinstance(body, Solid) and shaped(body, other)
 
 
 def materials(body: Any) -> tuple[str, ...]:
@@ -83,6 +100,7 @@ class Weights:
         gap: By gaps at each level without displacements, (numbers, levels, gaps).
         material: By the numbers of the elements of all bodies, (numbers, each, elements); none
             where these stay.
+        sums: Of each number those of each body, from which they are told where nodes move.
     """
 
     place: Floats
@@ -90,6 +108,7 @@ class Weights:
     loads: Floats
     gap: Floats
     material: Floats
+    sums: Sequence[Sequence[MaterialSums]]
 
 
 @dataclass(frozen=True)
@@ -133,7 +152,7 @@ class Adjoints:
         pairs: What its pairs did, by name.
     """
 
-    _loading: tuple[str, ...] = (*_LOADS, "thickness")  # keys by which its loads go
+    _loading: tuple[str, ...] = (*_LOADS, "thickness", *SHAPES)  # keys by which its loads go
 
     def __init__(
         self, runs: "SolidRuns", changes: Changes, quantities: Quantities, ready: "Ready",
@@ -151,6 +170,7 @@ class Adjoints:
         self._own = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
         reached = [p.system.loads.reached & ~p.system.constrained for p in self._parts]
         self._reached = np.concatenate([np.zeros(0, dtype=bool), *reached])
+        self._moves = _varies(changes, _shaped)
 
     def jacobian(self) -> tuple[Floats, Booleans] | None:
         """Derivatives of all numbers (n, P), and of which unknowns they are; None: not known."""
@@ -170,8 +190,11 @@ class Adjoints:
     def _forces(self) -> Floats:
         return self._loads(self._scene)
 
-    def _given(self, read: "Number") -> tuple[Given, Floats]:
-        """Derivatives of a number, and those by the material of all elements, (3, elements)."""
+    def _given(self, read: "Number") -> tuple[Given, Sequence[MaterialSums], Floats]:
+        """Derivatives of a number, and those by the material of all elements, (each, elements).
+
+        With the sums of each body that tell them, if nodes move.
+        """
 
         def add(level: int, reading: Reading) -> None:
             for part in read.get(level, ()):
@@ -184,7 +207,8 @@ class Adjoints:
         material = np.zeros((3, 0))
         if into is not None:
             material = self._whole(each.by_material() for each in into)
-        return found._replace(loads=np.array(moved).reshape(len(moved), -1)), material
+        told = found._replace(loads=np.array(moved).reshape(len(moved), -1))
+        return told, (into or ()) if self._moves else (), material
 
     def _sums(self) -> Sequence[MaterialSums]:
         """Of each body, empty."""
@@ -203,8 +227,8 @@ class Adjoints:
                 found[own] = averaged(transfer, load[own])
         return np.asarray(found[self._reached])
 
-    def _weights(self, found: Sequence[tuple[Given, Floats]]) -> Weights:
-        march, each = self._march, [given for given, _ in found]
+    def _weights(self, found: Sequence[tuple[Given, Sequence[MaterialSums], Floats]]) -> Weights:
+        march, each = self._march, [given for given, _, _ in found]
         # Of explicit layers the rate is the step that the velocity makes.
         unit = march.interior.dt if march.skips else 1.0
         levels = np.zeros((len(each), march.layers + 1, len(self._start.normals)))
@@ -214,7 +238,7 @@ class Adjoints:
             np.array([given.place for given in each]),
             unit * np.array([given.rate for given in each]),
             np.array([given.loads for given in each]), levels,
-            np.array([material for _, material in found]),
+            np.array([material for *_, material in found]), [sums for _, sums, _ in found],
         )  # fmt: skip
 
     def _arrays(self, weights: Weights, scene: Scene) -> Sequence[Local]:
@@ -233,10 +257,14 @@ class Adjoints:
                 ready.destroy()
         if not np.array_equal(start.normals, self._start.normals):
             raise SceneError("its obstacles face another way")
+        material, nodes = weights.material, None
+        if any(_shaped(a, b) for a, b in bodies):
+            nodes = self._nodes_of(scene)
+            material = np.array([self._moved(sums, nodes, scene) for sums in weights.sums])
         forces = self._forces
         each = ((getattr(a, n, ()), getattr(b, n, ())) for a, b in bodies for n in self._loading)
         if any(one != other for one, other in each):
-            forces = self._loads(scene)
+            forces = self._loads(scene, nodes)
         dt, layers = self._march.interior.dt, np.arange(weights.loads.shape[1], dtype=np.float64)
         begin, end = self._spans(dt * layers)
         began = weights.place @ start.place + weights.velocity @ start.velocity
@@ -254,8 +282,18 @@ class Adjoints:
             return found
         now, x = self._base
         if any(_differ(a, b) for a, b in zip(scene.bodies, self._scene.bodies, strict=True)):
-            now = self._material(scene)
-        return [*found, *(Local(self._made(own, now), {"x": x}) for own in weights.material)]
+            now = self._material(scene, nodes)
+        return [*found, *(Local(self._made(own, now), {"x": x}) for own in material)]
+
+    def _nodes_of(self, scene: Scene) -> Sequence[Nodes]:
+        """Nodes of all bodies in a scene in which they are elsewhere (collective)."""
+        each = zip(self._parts, scene.solids, strict=True)
+        return [body_nodes(morphed(part.mesh, part.solid, solid)) for part, solid in each]
+
+    def _moved(self, sums: Sequence[Any], nodes: Sequence[Nodes], scene: Scene) -> Floats:
+        """Derivatives by the numbers of the elements of all bodies whose nodes are elsewhere."""
+        each = zip(sums, nodes, scene.solids, strict=True)
+        return self._whole(own.on(there, solid).by_material() for own, there, solid in each)
 
     def _started(self, scene: Scene) -> Start:  # noqa: ARG002  (plates change theirs)
         """With what a scene begins that sets out and meets obstacles as the run does."""
@@ -273,7 +311,7 @@ class Adjoints:
     @cached_property
     def _base(self) -> tuple[Floats, tuple[Floats, Floats]] | None:
         """The material of all elements, and their extent along x; None if nothing changes it."""
-        if self._trail.states is None or any(solid.is_orthotropic for solid in self._scene.solids):
+        if self._trail.states is None:
             return None
         return self._material(self._scene), self._cell_spans()
 
@@ -282,10 +320,15 @@ class Adjoints:
         spans = self._whole(np.array(cell_spans(part.system.nodes)) for part in self._parts)
         return spans[0], spans[1]
 
-    def _material(self, scene: Scene) -> Floats:
-        """Numbers of the material of all elements, (3, elements) (collective)."""
-        each = zip(self._parts, scene.solids, strict=True)
-        return self._whole(material_numbers(part.system.nodes, solid) for part, solid in each)
+    @property
+    def _nodes(self) -> Sequence[Nodes]:
+        """Nodes of all bodies as they are."""
+        return [part.system.nodes for part in self._parts]
+
+    def _material(self, scene: Scene, nodes: Sequence[Nodes] | None = None) -> Floats:
+        """Numbers of the material of all elements, (each, elements) (collective)."""
+        each = zip(nodes or self._nodes, scene.solids, strict=True)
+        return self._whole(material_numbers(own, solid) for own, solid in each)
 
     def _check_material(self, solid: Any, other: Any) -> None:
         """Refuse materials whose derivatives are not known backwards.
@@ -309,6 +352,19 @@ class Adjoints:
         if self._numbers.stressed:
             raise SceneError("its stress is another")
 
+    def _check_shape(self, solid: Any) -> None:
+        """Refuse shapes whose derivatives are not known backwards.
+
+        Raises:
+            SceneError: Damping, what meets or what is read changes with them.
+        """
+        if self._base is None or solid.quality_factor or solid.damping_ratio:
+            raise SceneError("its damping is another")
+        if solid.has_residual_stress or self._ready.seen.model.pairs:
+            raise SceneError("its stress, or what of it meets others, is another")
+        if self._numbers.placed or self._numbers.stressed:
+            raise SceneError("what is read lies elsewhere")
+
     def _summed(self, values: Floats) -> Floats:
         """Over all ranks."""
         return np.asarray(self._comm.allreduce(np.ascontiguousarray(values)))
@@ -327,12 +383,13 @@ class Adjoints:
             return np.maximum(begin - half, 0.0), begin + half
         return begin, begin + march.interior.dt
 
-    def _loads(self, scene: Scene) -> Floats:
+    def _loads(self, scene: Scene, there: Sequence[Nodes] | None = None) -> Floats:
         """Forces on the dofs that loads reach, in all layers [N], (layers, reached dofs)."""
         march, found = self._march, []
         begin, end = self._spans(march.interior.dt * np.arange(march.layers, dtype=np.float64))
-        for part, solid, own in zip(self._parts, scene.solids, self._own, strict=True):
-            nodes, reached = part.system.nodes, self._reached[own]
+        bodies = zip(self._parts, scene.solids, self._own, there or self._nodes, strict=True)
+        for part, solid, own, nodes in bodies:
+            reached = self._reached[own]
             forms = body_forms(nodes, solid)
             loads = Loads(nodes, forms, part.mesh.surfaces, solid, scene.vector_gravity)
             more = loads.reached & ~part.system.constrained & ~reached
@@ -357,6 +414,10 @@ class Adjoints:
                     continue
                 if entry.name in _MATERIALS:
                     self._check_material(solid, other)
+                    continue
+                if entry.name in SHAPES:
+                    self._check_shape(solid)
+                    begun = moved = True
                     continue
                 if entry.name not in _STARTS:
                     raise SceneError(f"{entry.name} is another")

@@ -70,6 +70,7 @@ class Numbers:
     Attributes:
         levels: Whether one counts the potential of gravity.
         stressed: Whether one is a stress.
+        placed: Whether one is read at a place in a body, or is such a place.
         into: Sums of the bodies, to which derivatives by their material are added; None: it stays.
     """
 
@@ -88,7 +89,7 @@ class Numbers:
         self._own = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
         self._sums = [part.sums_by() for part in self._inner]
         self._names = list(ready.seen.model.names)
-        self.levels = self.stressed = False
+        self.levels = self.stressed = self.placed = False
         self.into: Sequence[MaterialSums] | None = None
         columns = self._march.gaps.pair_of()
         self._of_pair = {name: columns == k for k, name in enumerate(self._march.gaps.pairs)}
@@ -181,6 +182,7 @@ class Numbers:
         body, _, of = name.rpartition(".")
         if body in self._names and of in {"x", "y", "z", "vx", "vy", "vz"}:
             at, axis = self._names.index(body), _AXES.index(of[-1])
+            self.placed |= len(of) == 1
             return partial(self._centre, len(of) - 1, at, axis)
         kind, _, pair = name.partition(".")
         if kind == "force" and pair in self._pairs:
@@ -211,6 +213,7 @@ class Numbers:
         np.add.at(moving, probes.needed[1], row[cuts[0] : cuts[1]])
         np.add.at(moved, probes.needed[2], row[cuts[1] :])
         self.stressed |= of[0] not in "uva"
+        self.placed = True
         return partial(self._nodes, moved, moving)
 
     def _change(self, part: Part, row: int, weight: float) -> None:

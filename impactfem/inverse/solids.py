@@ -42,11 +42,8 @@ _STEPS = (1e-5, 1e-6, 1e-7)
 _FEW = 20  # unknowns of which both sides are looked at where sets are those of one
 _MANY = 2  # numbers for each unknown, each a march backwards, that still take less than runs beside
 
-_SHAPING = (
-    "model", "shape", "outline", "mesh", "position", "part", "mesh_size", "refine", "cells",
-    "degree",
-)  # fmt: skip
-"""What makes the mesh of a solid or a plate."""
+_SHAPING = ("model", "outline", "mesh", "part", "mesh_size", "refine", "cells", "degree")
+"""What makes the mesh of a solid or a plate, but for lengths by which its nodes move."""
 
 
 class Marched(NamedTuple):
@@ -122,9 +119,9 @@ class SolidRuns:
             for name in _SHAPING if isinstance(body, Solid | Plate) else ():
                 if getattr(body, name, None) != getattr(other, name, None):
                     raise SceneError(
-                        f"body[{k}].{name}: gradients keep the meshes of the start; vary the place "
-                        "by the displacement of the body or the point of the obstacle, not the "
-                        f"shape of {body.name}"
+                        f"body[{k}].{name}: gradients keep the elements of the start; vary lengths "
+                        f"of the shape of {body.name} (shape.size, shape.radius, ...), by which "
+                        "their nodes move"
                     )
             known = [each for each in (body, other) if hasattr(each, "theory_beside")]
             theories = [each.theory_beside(scene.bodies) for each in known]

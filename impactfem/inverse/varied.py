@@ -21,6 +21,7 @@ from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.solids import STEPPED, SolidRuns
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.inverse.trees import TreeRuns, is_tree
+from impactfem.mesh.morph import shaped
 from impactfem.methods import METHODS
 from impactfem.planning import Plan, plan
 from impactfem.scene import Scene
@@ -101,8 +102,9 @@ RUNS: Mapping[str, Callable[[Plan[Any], Scene], Any]] = {
 
 _STIFFENS = re.compile(
     r"youngs_modulus|density|poisson_ratio|bulk_modulus|c10|c01|orthotropic|stiffness|materials"
+    r"|shape"
 )
-"""Keys by which waves become faster."""
+"""Keys by which waves cross elements in less time."""
 
 
 def _runs(chosen: Plan[Any], scene: Scene) -> Callable[[Plan[Any], Scene], Any] | None:
@@ -148,6 +150,7 @@ def _planned(scene: Scene) -> Plan[Any]:
 
 
 _LARGE = 0.1  # share of its size by which one is changed that has no derivative
+_OF_FALL = 0.1  # share of what a search has won that new elements may take back or add
 _STILL = 1e-9  # share of what is looked at that a parameter has to move
 
 
@@ -261,15 +264,29 @@ class Varied:
             self._last = key, found
         return self._last[1]
 
-    def verified(self, values: Floats) -> tuple[float, Plan[Any]]:
-        """The objective with a plan of its own, and that plan."""
-        scene = self.at(values)
+    def verified(
+        self, values: Floats, told: tuple[float, float], least: float
+    ) -> tuple[float, list[str]]:
+        """The objective with a plan of its own, and doubts where that tells another one.
+
+        Args:
+            values: The answer (P,).
+            told: The objective at the start and at the answer, as the search has them.
+            least: By how much plans of one mesh may differ; new elements by a share of the fall.
+        """
+        scene, (first, last) = self.at(values), told
         other = replace(self, scene=scene, chosen=_planned(scene), kept=None, _last=None)
         runs = _runs(other.chosen, scene)
         if runs is None:
-            return float("nan"), other.chosen
+            return float("nan"), []
         other.runs = runs(other.chosen, scene)
-        return other.quantities.objective(other.numbers(values)), other.chosen
+        found, where = other.quantities.objective(other.numbers(values)), "with a plan of its own"
+        if any(shaped(a, b) for a, b in zip(scene.solids, self.scene.solids, strict=True)):
+            least = max(least, _OF_FALL * abs(first - last))
+            where = "with elements of its own, as its shape is another,"
+        same = other.chosen.method != self.chosen.method or abs(found - last) <= least
+        text = f"{where} the answer has the objective {found:.6g}, in the search {last:.6g}"
+        return found, [] if same else [text]
 
     def check_moves(self, q: Floats, jacobian: Floats) -> None:
         """Refuse parameters that move nothing that is looked at, but for rounding.

@@ -20,6 +20,7 @@ from impactfem.errors import SceneError
 from impactfem.fem import MPI
 from impactfem.marching.schemes import SOLID_SCHEMES
 from impactfem.mesh.body import BodyMesh, build_body_mesh
+from impactfem.mesh.morph import morphed
 from impactfem.models.ball_contacts import (
     BallMeeting,
     Crowded,
@@ -403,12 +404,16 @@ class SolidsModel:
         """The same bodies with other numbers, on the meshes of these (collective).
 
         Args:
-            scene: The other scene, whose solids have the same shapes and elements.
+            scene: The other scene, whose solids have the same kinds of shapes and elements.
+
+        Raises:
+            SceneError: They have not.
         """
         parts: list[SolidPart] = []
         ties = Ties(scene)
         for part, solid in zip(self.parts, scene.solids, strict=True):
-            other = SolidPart(self.comm, scene, solid, part.degree, part.mesh, ties)
+            mesh = morphed(part.mesh, part.solid, solid)
+            other = SolidPart(self.comm, scene, solid, part.degree, mesh, ties)
             parts.append(ties.add(other))
         return _on_their_way(scene, tuple(parts), self.updated)
 

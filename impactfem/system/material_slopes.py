@@ -1,8 +1,9 @@
 """Derivatives of sums of u . K v and u . M v by the material of each element.
 
-K is linear in lambda and mu of each element, M in its density, so that with sums S = sum u_e v_e^T
-of the products of its displacements the derivative by one of these numbers is that of
-K_e : S or M_e : S, whatever number of products there are; lumped masses likewise.
+K is linear in lambda and mu of each element, or in all its stiffness C, M in its density, so that
+with sums S = sum u_e v_e^T of the products of its displacements the derivative by one of these is
+that of K_e : S or M_e : S, whatever number of products there are; lumped masses likewise. Of nodes
+that move the same sums are taken with the shape functions there (`MaterialSlopes.on`).
 """
 
 from typing import Any
@@ -11,8 +12,8 @@ import numpy as np
 
 from impactfem import fem
 from impactfem.arrays import Floats
-from impactfem.errors import SceneError
 from impactfem.fem import dolfinx_fem
+from impactfem.scene.orthotropic import PLACES, seen_by
 from impactfem.system.element_tables import tabulated
 from impactfem.system.materials import first_lame, materials_of
 from impactfem.system.matrices import body_forms
@@ -22,16 +23,22 @@ _AT_ONCE = 2**21  # displacements of elements that are summed up together
 
 
 def material_numbers(nodes: Nodes, solid: Any) -> Floats:
-    """Lambda and mu [Pa] and density [kg/m^3] of the elements of this rank, times the thickness.
+    """Constants of the elements of this rank, times the thickness, (constants, elements).
 
-    Shape (3, elements); of plane stress lambda is 2 lambda mu / (lambda + 2 mu) (collective).
+    Lambda and mu [Pa] and density [kg/m^3]; of plane stress lambda is 2 lambda mu / (lambda +
+    2 mu). Of orthotropic bodies the entries of C [Pa] by rows, lambda of elements that keep their
+    volume in the mean, and density (collective).
 
     Raises:
         SceneError: A formula has a value that is not positive.
     """
     material = materials_of(nodes, solid)
     own = len(_owned(nodes))
-    every = first_lame(material, solid.model), material.shear, material.density
+    first = first_lame(material, solid.model)
+    every: tuple[Any, ...] = first, material.shear, material.density
+    if solid.is_orthotropic:
+        whole = seen_by(material.whole, solid.model).reshape(len(first), -1)
+        every = *whole.T, np.where(material.keeps, first, 0.0), material.density
     found = np.array([np.broadcast_to(each, len(material.ratio))[:own] for each in every])
     return np.asarray(solid.thickness * found)
 
@@ -41,15 +48,13 @@ class MaterialSlopes:
 
     Args:
         nodes: Nodes of the body.
-        solid: `impactfem.scene.solids.Solid`, without a law of other directions.
+        solid: `impactfem.scene.solids.Solid`.
     """
 
     def __init__(self, nodes: Nodes, solid: Any) -> None:
         """Take what elements are like (collective)."""
-        if solid.is_orthotropic:
-            raise SceneError("its stiffness has other directions")
         forms = body_forms(nodes, solid)
-        self._nodes, self._owned_dofs = nodes, nodes.owned * nodes.dim
+        self._solid, self._nodes, self._owned_dofs = solid, nodes, nodes.owned * nodes.dim
         self._exchange = dolfinx_fem.Function(nodes.space)
         self._cells, table, hoop, weights = tabulated(nodes, solid, forms.degree)
         *_, masses = tabulated(nodes, solid, forms.mass_degree)
@@ -95,32 +100,54 @@ class MaterialSlopes:
         """Add a factor times the mass of the body."""
         self._weighed[: self._nodes.owned] += factor
 
-    def by_material(self) -> Floats:
-        """Derivatives by the numbers of the elements of this rank, (3, elements) (collective)."""
+    def on(self, nodes: Nodes, solid: Any) -> "MaterialSlopes":
+        """The same sums of the same elements, whose nodes are elsewhere (collective).
+
+        Args:
+            nodes: Nodes of the body there.
+            solid: The body there.
+        """
+        found = MaterialSlopes(nodes, solid)
         for kind in self._waiting:
             self._sum_up(kind)
-        count, corners = self._cells.shape
-        dim, table, weights = self._nodes.dim, self._table, self._weights
-        products = self._stiff.reshape(count, corners, dim, corners, dim)
-        found = np.empty((3, count))
-        flat = self._dilatation.reshape(*weights.shape, -1)
+        found._stiff, found._heavy, found._weighed = self._stiff, self._heavy, self._weighed
+        return found
+
+    def by_material(self) -> Floats:
+        """Derivatives by `material_numbers`, (constants, elements) (collective)."""
+        for kind in self._waiting:
+            self._sum_up(kind)
+        flat, strained = self._dilatation.reshape(*self._weights.shape, -1), self._strained()
         pulled = np.einsum("cpi,cij->cpj", flat, self._stiff)
-        found[0] = np.einsum("cp,cpj,cpj->c", weights, pulled, flat)
-        # 2 eps(u) : eps(v) = grad u : grad v + grad u : grad v^T.
-        alike = np.einsum("ckili->ckl", products)
-        found[1] = np.einsum("cp,cpkj,ckl,cplj->c", weights, table, alike, table, optimize=True)
-        found[1] += np.einsum(
-            "cp,cpkj,ckilj,cpli->c", weights, table, products, table, optimize=True
-        )
-        if len(self._hoop):
-            around, hoop = products[:, :, 0, :, 0], self._hoop
-            found[1] += 2.0 * np.einsum(
-                "cp,cpk,ckl,cpl->c", weights, hoop, around, hoop, optimize=True
-            )
+        mean = np.einsum("cp,cpj,cpj->c", self._weights, pulled, flat)
         masses, values = self._masses, self._values
-        found[2] = np.einsum("cp,pk,pl,ckl->c", masses, values, values, self._heavy, optimize=True)
-        weighed = self._everywhere(np.repeat(self._weighed[: self._nodes.owned], dim))[:, 0]
-        found[2] += np.einsum("cp,pk,ck->c", masses, values, weighed[self._cells], optimize=True)
+        heavy = np.einsum("cp,pk,pl,ckl->c", masses, values, values, self._heavy, optimize=True)
+        owned, dim = self._nodes.owned, self._nodes.dim
+        weighed = self._everywhere(np.repeat(self._weighed[:owned], dim))[:, 0]
+        heavy += np.einsum("cp,pk,ck->c", masses, values, weighed[self._cells], optimize=True)
+        if self._solid.is_orthotropic:
+            mean -= strained[:, :3, :3].sum(axis=(1, 2))
+            return np.vstack([strained.reshape(len(mean), -1).T, mean, heavy])
+        squares = np.einsum("cii->ci", strained)  # of shears 2 eps_xy
+        shear = 2.0 * squares[:, :3].sum(axis=1) + squares[:, 3:].sum(axis=1)
+        return np.array([mean, shear, heavy])
+
+    def _strained(self) -> Floats:
+        """Sums of products of strains, as C has them, times volumes, (cells, 4 or 6, the same)."""
+        count, points, corners, dim = self._table.shape
+        size = 6 if dim == 3 else 4
+        found = np.zeros((count, size, size))
+        for p in range(points):
+            by = np.zeros((count, size, corners, dim))
+            for row, (i, j) in enumerate(PLACES[:size]):
+                if max(i, j) < dim:
+                    by[:, row, :, i] += self._table[:, p, :, j]
+                    by[:, row, :, j] += self._table[:, p, :, i] * (i != j)
+            if len(self._hoop):
+                by[:, 2, :, 0] += self._hoop[:, p]
+            strains = by.reshape(count, size, -1)
+            products = strains @ self._stiff @ strains.transpose(0, 2, 1)
+            found += self._weights[:, p, None, None] * products
         return found
 
     def _meant(self, basis: Floats) -> Floats:

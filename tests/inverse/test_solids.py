@@ -55,12 +55,99 @@ def test_methods_with_mass_on_contact_nodes_have_no_gradient(method):
         impactfem.gradient(thrown("v", solve={"method": method, "dt": None}))
 
 
-def test_shapes_are_not_varied():
+def shaped(shape, *keys, model="plane_strain", method="conserving", **body):
+    """A body thrown at a plane, some numbers of which are parameters."""
+    along = [0.0, 1.0, 0.0][: len(shape.get("center", "xy"))]
+    return thrown(
+        obstacle=[FLOOR | {"point": [0.0] * len(along), "normal": along}],
+        body={"shape": shape, "model": model, "velocity": [0.0, -1.003], **body},
+        parameter=[{"name": key.replace(".", "_"), "key": f"body.disc.{key}"} for key in keys],
+        measure=[{"name": "told", "of": "rebound_speed.disc"},
+                 {"name": "pushed", "of": "impulse.disc.floor", "at": 0.005},
+                 {"name": "lasted", "of": "duration.disc.floor"}],
+        objective={"minimise": [{"term": "vibration_energy"}, {"term": "mass", "body": "disc"},
+                                {"term": "peak_force", "pair": "disc.floor"}]},
+        solve={"method": method} | ({"dt": None} if method == "explicit" else {}),
+    )  # fmt: skip
+
+
+def is_that_of_runs(scene):
+    """Whether steps backwards are differences of runs along one way in which all changes."""
+    (slopes, known), varied = backwards(scene)
+    way = np.random.default_rng(1).standard_normal(len(known)) * varied.scales
+    ends = [varied.numbers(varied.start + sign * 1e-6 * way) for sign in (1.0, -1.0)]
+    wanted = (ends[0] - ends[1]) / 2e-6
+    room = 1e-6 * np.abs(wanted) + 1e-7 * np.abs(ends[0])
+    return bool(known.all() and (np.abs(slopes @ way - wanted) <= room).all())
+
+
+ALONG = {"e1": 2e6, "e2": 1e6, "e3": 1.2e6, "nu12": 0.2, "nu13": 0.25, "nu23": 0.3,
+         "g12": 0.5e6, "g13": 0.4e6, "g23": 0.6e6}  # fmt: skip
+WHOLE = {"youngs_modulus": None, "poisson_ratio": None, "orthotropic": ALONG}
+
+
+@pytest.mark.parametrize("method", ["massless", "conserving", "explicit"])
+def test_lengths_of_shapes_backwards(method):
+    block = {"kind": "block", "size": [0.09, 0.05], "corner": [0.0, 0.014], "angle": 0.3}
+    pressed = {"pressures": [{"surface": "top", "value": 900.0}], "rayleigh_stiffness": 1e-5}
+    scene = shaped(block, "shape.size.0", "shape.size.1", "shape.angle", "thickness",
+                   method=method, density="1100*(1 + 4*y)", **pressed)  # fmt: skip
+    assert is_that_of_runs(scene)
+
+
+@pytest.mark.parametrize(
+    ("shape", "keys", "more"),
+    [
+        ({"kind": "ring", "radius": 0.05, "inner_radius": 0.03, "center": [0.0, 0.0513]},
+         ("shape.radius", "shape.inner_radius"), {}),
+        ({"kind": "cylinder", "radius": 0.05, "height": 0.04, "center": [0.0, 0.0013]},
+         ("shape.radius", "shape.height"), {"model": "axisymmetric"}),
+        ({"kind": "disc", "radius": 0.05, "center": [0.0, 0.0513]}, ("shape.radius",),
+         {"poisson_ratio": 0.48, "degree": 2, "element": "mean_dilatation", "mesh_size": 0.03}),
+        ({"kind": "disc", "radius": 0.05, "center": [0.0, 0.0513]},
+         ("orthotropic.e1", "orthotropic.e3", "orthotropic.angle", "orthotropic.nu12", "density"),
+         {"model": "plane_stress", **WHOLE, "orthotropic": ALONG | {"angle": 0.3}}),
+        ({"kind": "sphere", "radius": 0.05, "center": [0.0, 0.0513]},
+         ("orthotropic.e3", "orthotropic.g12", "shape.radius"), {"model": "axisymmetric", **WHOLE}),
+        ({"kind": "sphere", "radius": 0.05, "center": [0.0, 0.0513, 0.0], "symmetry": ["x", "z"]},
+         ("orthotropic.e1", "orthotropic.g23", "shape.radius"),
+         {"model": "3d", "mesh_size": 0.03, "velocity": [0.0, -1.003, 0.0], **WHOLE}),
+    ],
+)  # fmt: skip
+def test_shapes_and_directions_backwards(shape, keys, more):
+    assert is_that_of_runs(shaped(shape, *keys, **more))
+
+
+@pytest.mark.parallel(2)
+def test_a_body_of_twice_the_size_takes_twice_as_long():
+    # Momentum and time scale by lengths: what a gradient by all of them and the step says of J.
+    def scene(dt):
+        made = shaped({"kind": "disc", "radius": 0.05, "center": [0.0, 0.0513]}, "shape.radius",
+                      "shape.center.1").to_dict()  # fmt: skip
+        made["measure"] = made["measure"][::2]  # the impulse is asked for at a time
+        made["objective"] = {"minimise": [{"term": "peak_force", "pair": "disc.floor"}]}
+        return Scene.from_dict(made | {"solve": {"method": "conserving", "dt": dt}})
+
+    steps = {sign: Varied.of(scene(2e-4 * (1.0 + sign * 1e-5))) for sign in (-1, 0, 1)}
+    (slopes, known), _ = backwards(scene(2e-4))
+    low, q, high = (each.numbers(each.start) for each in steps.values())
+    along = slopes @ np.array([0.05, 0.0513]) + (high - low) / 2e-5
+    parallel_assert(bool(known.all()))
+    parallel_assert(np.allclose(along, np.array([0.0, 1.0, 1.0]) * q, rtol=1e-4, atol=1e-5))
+
+
+def test_shapes_keep_their_kind_and_elements():
     scene = thrown("v")
-    data = scene.to_dict()
-    data["parameter"] = [{"name": "R", "key": "body.disc.shape.radius"}]
-    with pytest.raises(SceneError, match="shape: gradients keep the meshes"):
-        impactfem.gradient(Scene.from_dict(data))
+    runs = Varied.of(scene).runs
+    ring = {"kind": "ring", "radius": 0.05, "inner_radius": 0.03, "center": [0.0, 0.052]}
+    for changes, said in (
+        ({"shape": ring}, "shape of disc: its kind, cuts and surfaces are disc"),
+        ({"mesh_size": 0.017}, "mesh_size: gradients keep the elements of the start"),
+    ):
+        data = scene.to_dict()
+        data["body"][0] |= changes
+        with pytest.raises(SceneError, match=said):
+            runs.ready(Scene.from_dict(data))
 
 
 def driven(method, pieces=7):
