@@ -26,7 +26,7 @@ from impactfem.marching.layers import MaterialSums
 from impactfem.marching.reversed_march import Given, Reading, ReversedMarch
 from impactfem.marching.solids import SolidMarch
 from impactfem.mesh.morph import SHAPES, morphed, shaped
-from impactfem.scene import Plate, Scene, Solid
+from impactfem.scene import Plate, Scene
 from impactfem.system.loads import Loads
 from impactfem.system.massless import averaged
 from impactfem.system.material_slopes import MaterialSlopes, cell_spans, material_numbers
@@ -75,14 +75,9 @@ def _varies(changes: Changes, differ: Callable[[Any, Any], bool]) -> bool:
 def _differ(body: Any, other: Any) -> bool:
     """Whether constants of their materials, or their shapes, do."""
     names = materials(body)
-    return _shaped(body, other) or any(
+    return shaped(body, other) or any(
         getattr(body, name, None) != getattr(other, name, None) for name in names
     )
-
-
-def _shaped(body: Any, other: Any) -> bool:
-    """Whether nodes of a body are elsewhere in another."""
-    return isinstance(body, Solid) and shaped(body, other)
 
 
 def materials(body: Any) -> tuple[str, ...]:
@@ -170,7 +165,7 @@ class Adjoints:
         self._own = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
         reached = [p.system.loads.reached & ~p.system.constrained for p in self._parts]
         self._reached = np.concatenate([np.zeros(0, dtype=bool), *reached])
-        self._moves = _varies(changes, _shaped)
+        self._moves = _varies(changes, shaped)
 
     def jacobian(self) -> tuple[Floats, Booleans] | None:
         """Derivatives of all numbers (n, P), and of which unknowns they are; None: not known."""
@@ -258,7 +253,7 @@ class Adjoints:
         if not np.array_equal(start.normals, self._start.normals):
             raise SceneError("its obstacles face another way")
         material, nodes = weights.material, None
-        if any(_shaped(a, b) for a, b in bodies):
+        if any(shaped(a, b) for a, b in bodies):
             nodes = self._nodes_of(scene)
             material = np.array([self._moved(sums, nodes, scene) for sums in weights.sums])
         forces = self._forces
@@ -339,7 +334,6 @@ class Adjoints:
         if self._base is None:
             raise SceneError("its material is another")
         same = solid.keeps_volume == other.keeps_volume and solid.retardation == other.retardation
-        same = same and solid.is_orthotropic == other.is_orthotropic
         same = same and not (solid.quality_factor or solid.damping_ratio)
         thicker = solid.thickness != other.thickness
         if not same or (thicker and (len(self._parts) > 1 or solid.has_residual_stress)):

@@ -119,9 +119,10 @@ class SolidRuns:
             for name in _SHAPING if isinstance(body, Solid | Plate) else ():
                 if getattr(body, name, None) != getattr(other, name, None):
                     raise SceneError(
-                        f"body[{k}].{name}: gradients keep the elements of the start; vary lengths "
-                        f"of the shape of {body.name} (shape.size, shape.radius, ...), by which "
-                        "their nodes move"
+                        f"body[{k}].{name}: gradients keep the elements of the start; vary the "
+                        f"place by the displacement of {body.name} or the point of the obstacle, "
+                        "of solids also lengths of the shape (shape.size, shape.radius), by which "
+                        "nodes move"
                     )
             known = [each for each in (body, other) if hasattr(each, "theory_beside")]
             theories = [each.theory_beside(scene.bodies) for each in known]

@@ -14,12 +14,10 @@ from impactfem.mesh.outline import outline
 SHAPES = ("shape", "position", "orientation")
 """Keys of solids by which nodes move."""
 
-_REMEDY = "gradients move the nodes of the mesh of the start"
-
 
 def shaped(solid: Any, other: Any) -> bool:
-    """Whether nodes of a solid are elsewhere in another one."""
-    return any(getattr(solid, name) != getattr(other, name) for name in SHAPES)
+    """Whether nodes of a body are elsewhere in another one, by keys that only solids have."""
+    return any(getattr(solid, name, None) != getattr(other, name, None) for name in SHAPES)
 
 
 def morphed(mesh: BodyMesh, solid: Any, other: Any) -> BodyMesh:
@@ -47,12 +45,12 @@ def morphed(mesh: BodyMesh, solid: Any, other: Any) -> BodyMesh:
         return replace(mesh, mesh=fem.moved_mesh(mesh.mesh, moved))
     revolved = solid.model == "axisymmetric"
     one, two = solid.shape, other.shape
-    names = [shape.surface_names(axisymmetric=revolved) for shape in (one, two)]
-    if one.kind != two.kind or names[0] != names[1]:
+    like = [(s.kind, *s.surface_names(axisymmetric=revolved)) for s in (one, two)]
+    if like[0] != like[1]:
         raise SceneError(
-            f"shape of {solid.name}: its kind, cuts and surfaces are {one.kind}, "
-            f"{', '.join(names[0])} at the start and {two.kind}, {', '.join(names[1])} here; "
-            f"{_REMEDY}: vary lengths within which these stay"
+            f"shape of {solid.name}: its kind, cuts and surfaces are {', '.join(like[0])} at the "
+            f"start and {', '.join(like[1])} here; gradients move the nodes of the mesh of the "
+            "start: vary lengths within which these stay"
         )
     begin, end = (outline(shape, axisymmetric=revolved).frame for shape in (one, two))
     along = begin.scale * begin.to_drawing(points)

@@ -106,8 +106,8 @@ def test_controls_act_on_pressures_by_their_face_and_on_edges():
 @pytest.mark.parametrize(
     ("key", "more", "match"),
     [
-        ("mesh_size", {}, r"mesh_size: gradients keep the meshes of the start"),
-        ("outline.size.0", {}, r"outline: gradients keep the meshes.*not the shape of lid"),
+        ("mesh_size", {}, r"mesh_size: gradients keep the elements of the start"),
+        ("outline.size.0", {}, r"outline: gradients keep the elements.*displacement of lid"),
         ("thickness", {"thickness": 0.05 * 0.1}, r"theory: lid passes from kirchhoff to reissner"),
     ],
 )  # fmt: skip
