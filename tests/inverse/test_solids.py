@@ -118,6 +118,34 @@ def test_shapes_and_directions_backwards(shape, keys, more):
     assert is_that_of_runs(shaped(shape, *keys, **more))
 
 
+def test_meshes_of_files_are_moved_and_turned(tmp_path):
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize()
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addRectangle(-0.04, -0.02, 0.0, 0.08, 0.04)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(2, [1], 4, name="rubber")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.02)
+        gmsh.model.mesh.generate(2)
+        gmsh.write(str(tmp_path / "part.msh"))
+    finally:
+        gmsh.finalize()
+    body = {"shape": None, "mesh_size": None, "mesh": str(tmp_path / "part.msh"),
+            "position": [0.0, 0.0322], "orientation": {"angle": 0.3}}  # fmt: skip
+    keys = {"up": "body.disc.position.1", "turn": "body.disc.orientation.angle",
+            "floor": "obstacle.floor.point.1"}  # fmt: skip
+    scene = thrown(
+        body=body, parameter=[{"name": name, "key": key} for name, key in keys.items()],
+        measure=[{"name": "told", "of": "impulse.disc.floor", "at": 0.005}],
+        objective={"minimise": [{"term": "vibration_energy"}]}, solve={"method": "conserving"},
+    )  # fmt: skip
+    assert is_that_of_runs(scene)
+    (slopes, _), _ = backwards(scene)
+    assert (np.abs(slopes[:, :2]) > 1e-3).all()
+    assert slopes[:, 0] == pytest.approx(-slopes[:, 2], rel=1e-9)  # only the distance counts
+
+
 @pytest.mark.parallel(2)
 def test_a_body_of_twice_the_size_takes_twice_as_long():
     # Momentum and time scale by lengths: what a gradient by all of them and the step says of J.
