@@ -133,17 +133,18 @@ def test_meshes_of_files_are_moved_and_turned(tmp_path):
         gmsh.finalize()
     body = {"shape": None, "mesh_size": None, "mesh": str(tmp_path / "part.msh"),
             "position": [0.0, 0.0322], "orientation": {"angle": 0.3}}  # fmt: skip
-    keys = {"up": "body.disc.position.1", "turn": "body.disc.orientation.angle",
-            "floor": "obstacle.floor.point.1"}  # fmt: skip
+    keys = {"up": "body.disc.position.1", "turn": "body.disc.orientation.angle"}
     scene = thrown(
-        body=body, parameter=[{"name": name, "key": key} for name, key in keys.items()],
+        body=body, parameter=[{"name": name, "key": key} for name, key in keys.items()]
+        + [{"name": "floor", "key": "obstacle.floor.point.1", "bounds": [-0.05, 0.05]}],
         measure=[{"name": "told", "of": "impulse.disc.floor", "at": 0.005}],
-        objective={"minimise": [{"term": "vibration_energy"}]}, solve={"method": "conserving"},
+        objective={"minimise": [{"term": "vibration_energy"}]},
+        solve={"method": "conserving", "normals": "fixed"},
     )  # fmt: skip
     assert is_that_of_runs(scene)
-    (slopes, _), _ = backwards(scene)
+    slopes = backwards(scene)[0][0]
     assert (np.abs(slopes[:, :2]) > 1e-3).all()
-    assert slopes[:, 0] == pytest.approx(-slopes[:, 2], rel=1e-9)  # only the distance counts
+    assert slopes[:, 0] == pytest.approx(-slopes[:, 2], rel=1e-6)  # only the distance counts
 
 
 @pytest.mark.parallel(2)
