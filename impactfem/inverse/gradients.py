@@ -25,6 +25,7 @@ _HALVINGS = 3
 _KINK = 1e-6  # share by which slopes on both sides may differ
 _MESHED_KINK = 0.05  # likewise where gaps that close from step to step bend what is computed
 _VALLEY = 0.05  # share of the larger slope that the other may fall still: searches end beside kinks
+_FAR, _BENT = 1e-2, 0.1  # sizes over which slopes of time steps are looked at; share they may miss
 _ROUNDING = 1e-11  # share of the objective's size and change that is rounding in a remainder
 
 
@@ -160,6 +161,7 @@ def gradient(scene: Scene | str | Path) -> Gradient:
     begun, before = time.perf_counter(), varied.forward
     check = replace(taylor_check(varied, start, q, slope, seed), margin=told.margin)
     plain = (time.perf_counter() - begun) / (varied.forward - before)
+    doubts += _bends(varied, start, told, seed)
     if check.sided:
         doubts.append("the objective has a kink here: this is its gradient on one side")
     names = [each.name for each in varied.unknowns]
@@ -254,7 +256,16 @@ def taylor_check(varied: Varied, at: Floats, q: Floats, slope: Floats, seed: int
         slope: The gradient (P,).
         seed: Of the direction.
     """
-    first = varied.quantities.objective(q)
+    first, way = varied.quantities.objective(q), _way(varied, at, seed)
+    found = [_shortened(varied, at, first, slope, way)]
+    with suppress(SceneError):
+        found.append(_shortened(varied, at, first, slope, -way))
+    passed = [each for each in found if each.passed]
+    return replace((passed or found)[0], sided=0 < len(passed) < len(found))
+
+
+def _way(varied: Varied, at: Floats, seed: int) -> Floats:
+    """A random direction, by sizes of the parameters, (P,)."""
     way = np.random.default_rng(seed).standard_normal(len(at))
     way *= varied.scales / np.linalg.norm(way)
     for k in range(len(at)):  # inwards, where there are no scenes beyond
@@ -264,11 +275,40 @@ def taylor_check(varied: Varied, at: Floats, q: Floats, slope: Floats, seed: int
             varied.at(beside)
             continue
         way[k] = -way[k]
-    found = [_shortened(varied, at, first, slope, way)]
-    with suppress(SceneError):
-        found.append(_shortened(varied, at, first, slope, -way))
-    passed = [each for each in found if each.passed]
-    return replace((passed or found)[0], sided=0 < len(passed) < len(found))
+    return way
+
+
+def _bends(varied: Varied, at: Floats, told: Slopes, seed: int) -> list[str]:
+    """What runs a little farther away change by otherwise than derivatives tell, in words.
+
+    What time steps compute bends as nodes close one after the other, and as a touch passes through
+    a step: its slope, however right, may be that of a wrinkle. Where no run without these is known,
+    parabolas through runs beside tell.
+    """
+    meshed = not METHODS[varied.chosen.method].exact
+    if not meshed or varied.runs.reference(varied.scene) is not None:
+        return []
+    way, of = _FAR * _way(varied, at, seed), varied.quantities
+    for a, b in ((1.0, -1.0), (1.0, 0.5), (-1.0, -0.5)):
+        with suppress(SceneError, ConvergenceError):
+            beside = [varied.numbers(at + share * way) for share in (a, b)]
+            break
+    else:
+        return []
+    here, one, other = (np.append(q, of.objective(q)) for q in (told.numbers, *beside))
+    changed = (b * b * (one - here) - a * a * (other - here)) / (a * b * (b - a))
+    slopes = np.vstack([told.jacobian, of.slope(told.numbers) @ told.jacobian])
+    meant, far = slopes @ way, []
+    names = [measure.name for measure in varied.scene.measures]
+    for name, own in zip(["objective", *names], [slice(-1, None), *of.slices], strict=True):
+        size = max(np.linalg.norm(changed[own]), np.linalg.norm(meant[own]))
+        k = own.start + int(np.abs(changed[own] - meant[own]).argmax())
+        least = max(_BENT * size, _KINK * float(np.linalg.norm(here[own])))
+        if np.linalg.norm(changed[own] - meant[own]) > least:
+            far.append(f"{name} {changed[k]:.3g} ({meant[k]:.3g})")
+    text = f"over 1 % of what varies runs change by (derivatives tell) {', '.join(far)}: as nodes "
+    text += "close one after the other what is computed has wrinkles, and this is the slope of one; "
+    return [f"{text}take differences of runs so far apart"] if far else []
 
 
 def _shortened(varied: Varied, at: Floats, first: float, slope: Floats, way: Floats) -> TaylorCheck:
