@@ -307,7 +307,9 @@ def _bends(varied: Varied, at: Floats, told: Slopes, seed: int) -> list[str]:
         if np.linalg.norm(changed[own] - meant[own]) > least:
             far.append(f"{name} {changed[k]:.3g} ({meant[k]:.3g})")
     text = f"over 1 % of what varies runs change by (derivatives tell) {', '.join(far)}: as nodes "
-    text += "close one after the other what is computed has wrinkles, and this is the slope of one; "
+    text += (
+        "close one after the other what is computed has wrinkles, and this is the slope of one; "
+    )
     return [f"{text}take differences of runs so far apart"] if far else []
 
 

@@ -165,6 +165,24 @@ def test_a_body_of_twice_the_size_takes_twice_as_long():
     parallel_assert(np.allclose(along, np.array([0.0, 1.0, 1.0]) * q, rtol=1e-4, atol=1e-5))
 
 
+def test_slopes_of_wrinkles_are_doubted():
+    # The rebound speed of a disc knows no radius, its impulse goes with the square of it.
+    told = {}
+    for of, at in (("impulse.disc.floor", 0.011), ("rebound_speed.disc", 0.012)):
+        data = shaped({"kind": "disc", "radius": 0.05, "center": [0.0, 0.0513]}, "shape.radius",
+                      ).to_dict()  # fmt: skip
+        data["measure"] = [{"name": "told", "of": of, "at": at}]
+        data["objective"] = {"minimise": [{"term": "value", "of": "told"}]}
+        data["solve"] = {"method": "conserving", "dt": 2e-4}
+        told[of] = impactfem.gradient(Scene.from_dict(data))
+    good, wrinkled = told.values()
+    assert good.trusted
+    assert 0.05 * good.gradient["shape_radius"] == pytest.approx(2.0 * good.objective, rel=0.01)
+    assert wrinkled.check.passed
+    assert not wrinkled.trusted
+    assert "change by (derivatives tell) objective" in wrinkled.doubts[0]
+
+
 def test_shapes_keep_their_kind_and_elements():
     scene = thrown("v")
     runs = Varied.of(scene).runs
