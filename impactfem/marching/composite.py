@@ -13,6 +13,18 @@ from impactfem.errors import SceneError
 from impactfem.marching.layers import Backward, Interior, Reversible, Rolling, Stepper, Sums
 
 
+class Gathered:
+    """What the steppers of several bodies have by one name, one after the other."""
+
+    def __set_name__(self, owner: type[Any], name: str) -> None:
+        """Learn the name."""
+        self._name = name
+
+    def __get__(self, bodies: Any, owner: type[Any]) -> NDArray[Any]:
+        """Ask all of them."""
+        return np.concatenate([getattr(part, self._name) for part in bodies.parts])
+
+
 class Bodies[P: Stepper]:
     """The steppers of several bodies as one; see `impactfem.marching.layers.Stepper`.
 
@@ -21,7 +33,13 @@ class Bodies[P: Stepper]:
     Attributes:
         parts: Steppers of the bodies, all with the same step.
         offsets: Where the contact nodes of each body begin, and their number, (bodies + 1,).
+        velocity, surface_displacement, surface_iterate, massive: See `layers.Stepper` and its kin.
     """
+
+    velocity = Gathered()
+    surface_displacement = Gathered()
+    surface_iterate = Gathered()
+    massive = Gathered()
 
     def __init__(self, parts: Sequence[P]) -> None:
         """Join steppers.
@@ -38,24 +56,15 @@ class Bodies[P: Stepper]:
         surfaces = [part.surface_displacement for part in parts]
         self.offsets: tuple[int, ...] = (0, *np.cumsum([len(s) for s in surfaces]).tolist())
         self._dim = int(surfaces[0].shape[1])
+        self._owned = tuple((part, self.own(k)) for k, part in enumerate(self.parts))
 
     def own(self, body: int) -> slice:
         """Places of a body's contact nodes."""
         return slice(self.offsets[body], self.offsets[body + 1])
 
-    @property
-    def velocity(self) -> Floats:
-        """Velocity of the owned dofs of all bodies, one after the other [m/s]."""
-        return np.concatenate([part.velocity for part in self.parts])
-
-    @property
-    def surface_displacement(self) -> Floats:
-        """Of the contact nodes of all bodies [m], (count, dim)."""
-        return np.concatenate([part.surface_displacement for part in self.parts])
-
     def initial(self, static: Floats) -> Sequence[Sums]:
         """Sums of the initial state, of each body."""
-        return [s for k, part in enumerate(self.parts) for s in part.initial(static[self.own(k)])]
+        return [sums for part, own in self._owned for sums in part.initial(static[own])]
 
     def inertia(self) -> list[Floats]:
         """Moments of inertia of each body [kg m^2]."""
@@ -75,35 +84,25 @@ class Bodies[P: Stepper]:
             part.begin(start, end)
 
     @property
-    def surface_iterate(self) -> Floats:
-        """Of the contact nodes of all bodies at the end of the step, as it is solved now [m]."""
-        return np.concatenate([part.surface_iterate for part in self.parts])
-
-    @property
     def beyond(self) -> Floats:
         """How far contact nodes went beyond what answers say of the forces on them [m]."""
-        each = ((part, self.own(k)) for k, part in enumerate(self.parts))
         none = np.zeros_like(self.surface_iterate)
-        return np.concatenate([getattr(part, "beyond", none[own]) for part, own in each])
+        return np.concatenate([getattr(part, "beyond", none[own]) for part, own in self._owned])
 
     def finish(self, static: Floats) -> Sequence[Sums]:
         """End the layer of all bodies; sums of each."""
         if len(self.parts) == 1:
             return self.parts[0].finish(static)
-        each = enumerate(self.parts)
-        return [sums for k, part in each for sums in part.finish(static[self.own(k)])]
+        return [sums for part, own in self._owned for sums in part.finish(static[own])]
 
     def placed(self, static: Floats) -> Floats:
         """Displacement of the owned dofs of all bodies, one after the other."""
-        return np.concatenate(
-            [part.placed(static[self.own(k)]) for k, part in enumerate(self.parts)]
-        )
+        return np.concatenate([part.placed(static[own]) for part, own in self._owned])
 
     def straining(self, static: Floats) -> Floats:
         """Displacement whose elastic stress is that of the bodies; of others that they have."""
-        each = ((part, static[self.own(k)]) for k, part in enumerate(self.parts))
         return np.concatenate(
-            [getattr(part, "straining", part.placed)(pressed) for part, pressed in each]
+            [getattr(part, "straining", part.placed)(static[own]) for part, own in self._owned]
         )
 
     def state(self) -> dict[str, Any]:
@@ -181,8 +180,7 @@ class Bodies[P: Stepper]:
 
     def _rolling(self) -> list[tuple[slice, Rolling]]:
         """Bodies that roll, and their nodes."""
-        each = enumerate(self.parts)
-        return [(self.own(k), cast("Rolling", part)) for k, part in each if part.rolling]
+        return [(own, cast("Rolling", part)) for part, own in self._owned if part.rolling]
 
 
 class Composite(Bodies[Interior]):
@@ -192,6 +190,8 @@ class Composite(Bodies[Interior]):
     support takes (a normal on the axis or a cut of symmetry may lean a little out of it) moves
     nothing.
     """
+
+    radiating = Gathered()
 
     def __init__(self, parts: Sequence[Interior], free: Sequence[Floats] | None = None) -> None:
         """Join interiors.
@@ -227,23 +227,13 @@ class Composite(Bodies[Interior]):
         return np.concatenate(each)
 
     @property
-    def massive(self) -> Booleans:
-        """Contact nodes with mass, of all bodies."""
-        return np.concatenate([part.massive for part in self.parts])
-
-    @property
-    def radiating(self) -> Booleans:
-        """Contact nodes that carry waves away, of all bodies."""
-        return np.concatenate([part.radiating for part in self.parts])
-
-    @property
     def volatile(self) -> Booleans:
         """Contact nodes whose answers change, of all bodies."""
         return np.concatenate([part.volatile for part in self.parts])
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
         """Velocities of the contact nodes at both ends of the layer [m/s], (count, dim) each."""
-        each = [part.contact_speeds(way[self.own(k)]) for k, part in enumerate(self.parts)]
+        each = [part.contact_speeds(way[own]) for part, own in self._owned]
         before, after = zip(*each, strict=True)
         return np.concatenate(before), np.concatenate(after)
 

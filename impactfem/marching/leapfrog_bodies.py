@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats, Integers
-from impactfem.marching.composite import Bodies
+from impactfem.marching.composite import Bodies, Gathered
 from impactfem.marching.layers import Stepper
 
 
@@ -82,6 +82,10 @@ class LevelStepper(Stepper, Protocol):
 class LeapfrogBodies(Bodies[LevelStepper]):
     """Several bodies in explicit steps."""
 
+    between = Gathered()
+    yields = Gathered()
+    rolled = Gathered()
+
     @property
     def missing(self) -> dict[str, float]:
         """Shares of the moments of inertia that their masses have not, by name."""
@@ -93,11 +97,6 @@ class LeapfrogBodies(Bodies[LevelStepper]):
         return max(part.most for part in self.parts)
 
     @property
-    def between(self) -> Floats:
-        """Part of the energy of each body that comes from two levels, of this rank [J]."""
-        return np.concatenate([part.between for part in self.parts])
-
-    @property
     def rounding(self) -> float:
         """The largest of them."""
         return max(part.rounding for part in self.parts)
@@ -107,20 +106,10 @@ class LeapfrogBodies(Bodies[LevelStepper]):
         """The largest of them."""
         return max(part.lag for part in self.parts)
 
-    @property
-    def yields(self) -> Booleans:
-        """Whether forces at a level move contact nodes along each direction, (count, dim)."""
-        return np.concatenate([part.yields for part in self.parts])
-
-    @property
-    def rolled(self) -> Floats:
-        """How far what touches has moved in the step besides its node [m], (count, dim)."""
-        return np.concatenate([part.rolled for part in self.parts])
-
     def touch(self, normals: Floats) -> None:
         """Learn where bodies that roll touch."""
-        for k, part in enumerate(self.parts):
-            part.touch(normals[self.own(k)])
+        for part, own in self._owned:
+            part.touch(normals[own])
 
     def pieces(self) -> int:
         """Steps that the next layer takes: those of the body that needs most."""
@@ -128,8 +117,8 @@ class LeapfrogBodies(Bodies[LevelStepper]):
 
     def move_surface(self, place: Floats) -> None:
         """Put the contact nodes somewhere."""
-        for k, part in enumerate(self.parts):
-            part.move_surface(place[self.own(k)])
+        for part, own in self._owned:
+            part.move_surface(place[own])
 
     def unbalanced(self) -> Floats:
         """Forces with which contact nodes press outwards [N], (count, dim)."""
@@ -142,21 +131,18 @@ class LeapfrogBodies(Bodies[LevelStepper]):
 
     def relaxed(self, right: Floats, held: Booleans, normals: Floats) -> Floats:
         """How contact nodes move by forces [m], (count, dim)."""
-        owns = [self.own(k) for k in range(len(self.parts))]
-        each = zip(self.parts, owns, strict=True)
+        each = self._owned
         return np.concatenate([p.relaxed(right[o], held[o], normals[o]) for p, o in each])
 
     def answer(self, right: Floats) -> Floats:
         """The same without any held, as exactly as `answers` [m], (count, dim)."""
-        each = enumerate(self.parts)
-        return np.concatenate([part.answer(right[self.own(k)]) for k, part in each])
+        return np.concatenate([part.answer(right[own]) for part, own in self._owned])
 
     def answers(self, nodes: Integers) -> Floats:
         """How contact nodes move by unit forces on some of them, 0 of other bodies."""
         dim = self.surface_displacement.shape[1]
         found = np.zeros((len(nodes), dim, self.offsets[-1], dim))
-        for k, part in enumerate(self.parts):
-            own = self.own(k)
+        for part, own in self._owned:
             mine = np.flatnonzero((nodes >= own.start) & (nodes < own.stop))
             if len(mine):
                 found[mine, :, own] = part.answers(nodes[mine] - own.start)
@@ -168,10 +154,10 @@ class LeapfrogBodies(Bodies[LevelStepper]):
 
     def receive(self, left: Floats, *, first: bool = False) -> None:
         """Hand what the surfaces leave unbalanced to the inside."""
-        for k, part in enumerate(self.parts):
-            part.receive(left[self.own(k)], first=first)
+        for part, own in self._owned:
+            part.receive(left[own], first=first)
 
     def close(self, left: Floats) -> None:
         """End the step."""
-        for k, part in enumerate(self.parts):
-            part.close(left[self.own(k)])
+        for part, own in self._owned:
+            part.close(left[own])

@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from impactfem.arrays import Booleans, Floats
-from impactfem.marching.composite import Bodies
+from impactfem.marching.composite import Bodies, Gathered
 from impactfem.marching.layers import Stepper
 
 
@@ -90,6 +90,9 @@ class NewtonStepper(Stepper, Protocol):
 class NewtonBodies(Bodies[NewtonStepper]):
     """Several bodies; those that no force reaches are not asked for answers."""
 
+    surface_velocity = Gathered()
+    surface_way = Gathered()
+
     @property
     def generation(self) -> int:
         """Grows with each of them."""
@@ -100,25 +103,10 @@ class NewtonBodies(Bodies[NewtonStepper]):
         """Shares of the moments of inertia that their masses have not, by name."""
         return {name: share for part in self.parts for name, share in part.missing.items()}
 
-    @property
-    def massive(self) -> Booleans:
-        """Contact nodes with mass, (count,)."""
-        return np.concatenate([part.massive for part in self.parts])
-
-    @property
-    def surface_velocity(self) -> Floats:
-        """Of the contact nodes at the start of the step, 0 without mass [m/s], (count, dim)."""
-        return np.concatenate([part.surface_velocity for part in self.parts])
-
-    @property
-    def surface_way(self) -> Floats:
-        """How far what touches moves in the step [m], (count, dim)."""
-        return np.concatenate([part.surface_way for part in self.parts])
-
     def touch(self, normals: Floats) -> None:
         """Learn where bodies that roll touch."""
-        for k, part in enumerate(self.parts):
-            part.touch(normals[self.own(k)])
+        for part, own in self._owned:
+            part.touch(normals[own])
 
     def predicted(self, start: float, end: float) -> Floats:
         """Where contact nodes go if nothing changes [m], (count, dim)."""
@@ -126,13 +114,11 @@ class NewtonBodies(Bodies[NewtonStepper]):
 
     def arms(self, middle: Floats) -> Floats:
         """Displacements amid the step that moments of forces go by [m], (count, dim)."""
-        each = enumerate(self.parts)
-        return np.concatenate([part.arms(middle[self.own(k)]) for k, part in each])
+        return np.concatenate([part.arms(middle[own]) for part, own in self._owned])
 
     def unbalanced(self, forces: Floats) -> float:
         """The worst of them."""
-        each = [part.unbalanced(forces[self.own(k)]) for k, part in enumerate(self.parts)]
-        return float(np.max(each))
+        return float(np.max([part.unbalanced(forces[own]) for part, own in self._owned]))
 
     def linearise(self) -> Floats:
         """Solve for what balances all iterates; how contact nodes move by it."""
@@ -141,17 +127,17 @@ class NewtonBodies(Bodies[NewtonStepper]):
     def answers(self, forces: Floats) -> Floats:
         """How contact nodes answer to forces on them, (several, count, dim)."""
         found = np.zeros_like(forces)
-        for k, part in enumerate(self.parts):
-            mine = forces[:, self.own(k)]
+        for part, own in self._owned:
+            mine = forces[:, own]
             asked = np.flatnonzero(mine.any(axis=(1, 2)))
             if len(asked):
-                found[asked, self.own(k)] = part.answers(np.ascontiguousarray(mine[asked]))
+                found[asked, own] = part.answers(np.ascontiguousarray(mine[asked]))
         return found
 
     def correct(self, forces: Floats) -> None:
         """Move all iterates."""
-        for k, part in enumerate(self.parts):
-            part.correct(forces[self.own(k)])
+        for part, own in self._owned:
+            part.correct(forces[own])
 
     def accept(self) -> None:
         """End the step of all."""
@@ -160,5 +146,5 @@ class NewtonBodies(Bodies[NewtonStepper]):
 
     def jolt(self, impulses: Floats) -> None:
         """Change the rates of all now by impulses on what touches [N s], (count, dim)."""
-        for k, part in enumerate(self.parts):
-            part.jolt(impulses[self.own(k)])
+        for part, own in self._owned:
+            part.jolt(impulses[own])
