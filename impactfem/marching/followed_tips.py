@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
+from impactfem.system.cuts import WHOLE, Cuts
 from impactfem.system.regions import tip
 from impactfem.system.stations import Stations
 
@@ -21,12 +22,14 @@ class FollowedTips:
         """Take the nodes from the rows of stations, (stations, 6, nodes dim)."""
         self._dim, self._rows = dim, stations.rows.reshape(-1, stations.rows.shape[2])
         self._moves = np.flatnonzero(self._rows.any(axis=1))  # in the plane not all
-        self._turning: list[tuple[int, Integers, Floats]] = []
+        self._turning: list[tuple[int, Integers, Floats, Cuts]] = []
         for k, row in enumerate(stations.rows):
             if row[3:].any():
-                shares = row[0, ::dim]
+                axis = next(k for k in range(dim) if row[k].any())  # one along planes that cut it
+                shares = row[axis, axis::dim]
                 nodes = np.flatnonzero(shares)
-                self._turning.append((k, nodes, shares[nodes]))
+                cuts = stations.cuts[k] if stations.cuts else WHOLE
+                self._turning.append((k, nodes, shares[nodes], cuts))
 
     @property
     def turns(self) -> bool:
@@ -48,8 +51,8 @@ class FollowedTips:
         if not self._turning:
             return self.first
         found = self._rows.reshape(len(self._rows), -1, self._dim).copy()
-        for k, nodes, shares in self._turning:
-            made = tip(places.reshape(-1, self._dim)[nodes], shares)
+        for k, nodes, shares, cuts in self._turning:
+            made = tip(places.reshape(-1, self._dim)[nodes], shares, cuts)
             if made is not None:
                 found[6 * k : 6 * k + 6, nodes] = made[1]
         return np.asarray(found.reshape(self._rows.shape)[self._moves])

@@ -92,7 +92,6 @@ class Joining[P: Stepper](Bodies[P]):
         self._gears = np.array([joint.between is None for joint in joints.joints])
         self._owner = joints.owner[terms.rows]
         self._struck = False
-        self._tied = np.array([isinstance(joint, TieRows) for joint in joints.joints])
         # Whether rows act along lines that stay, by laws that do.
         turn = (terms.kinds != POINT).any() or terms.arms.any()
         self._same = not (turn or self._leads or self._states_change(joints))
@@ -100,7 +99,7 @@ class Joining[P: Stepper](Bodies[P]):
         steady = self._same and not joints.redundant and joints.count > 0
         answers = [body.steady_answer for body in held]
         self._columns = {joint.name: _columns(joint) for joint in joints.joints}
-        self._images = np.ones((each, 3))  # see `mirror`
+        self._images = np.ones(7)  # see `mirror`
         self._steady = steady and all(answer is not None for answer in answers)
         self._kept: SteadyRows | None = None
         self._kept_ahead: SteadyRows | None = None
@@ -412,10 +411,11 @@ class Joining[P: Stepper](Bodies[P]):
             return None
 
     def mirror(self, axes: Sequence[int]) -> None:
-        """Tell forces of ties of a whole of which planes across some axes leave a part."""
+        """Tell forces and moments of a whole of which planes across some axes leave a part."""
         if len(axes):
-            self._images[self._tied] = 2.0 ** len(axes)
-            self._images[np.ix_(self._tied, list(axes))] = 0.0
+            self._images *= 2.0 ** len(axes)
+            for axis in axes:
+                self._images[[axis, *(3 + turn for turn in range(3) if turn != axis)]] = 0.0
             self._show(self._terms)
 
     def _show(self, terms: Floats) -> None:
@@ -464,7 +464,7 @@ class Joining[P: Stepper](Bodies[P]):
         taken = np.where(joints.hard, 0.0, -self._acting * way / self.span)
         moving = joints.moving[joints.moving >= 0]
         taken[moving] = self._damping[joints.owner[moving]] * way[moving] ** 2 / self.span
-        self._shown[:, 4] += np.bincount(joints.owner, taken, len(joints.joints))
+        self._shown[:, 4] += self._images[6] * np.bincount(joints.owner, taken, len(joints.joints))
         own = joints.driven[joints.driven >= 0]
         driven = self._states.driven(way) + float(self._acting[own] @ way[own]) / self.span
         driven += self._drawn

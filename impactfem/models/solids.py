@@ -114,7 +114,7 @@ class SolidPart:
 
     @cached_property
     def supported(self) -> Booleans:
-        """Nodes of the outside that supports hold, (nodes,) (collective likewise)."""
+        """Nodes of the outside that supports hold, (nodes, dim) (collective likewise)."""
         return supported(self)
 
     @cached_property

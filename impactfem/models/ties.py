@@ -20,7 +20,6 @@ from scipy.sparse import coo_array
 
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.body_pairs import Side
-from impactfem.contact.boundary import everywhere
 from impactfem.contact.mortar import mortar
 from impactfem.scene import Scene
 from impactfem.scene.joints import GROUND
@@ -157,10 +156,8 @@ class _Surface:
             text = f" = {show(name)}: it has no faces on the outside of {part.solid.name}; give "
             raise KeyedError(where, "between", f"{text}another.")
         side = Side.of(outside, part.places, faces)
-        own = np.reshape(part.system.constrained, (-1, part.solid.dim)).astype(np.float64)
-        held = everywhere(part.comm, outside.numbers, part.system.numbers, own) > 0.0
         areas = outside.total(outside.areas, faces)
-        return cls(part, name, faces, side, areas[side.nodes], held[side.nodes])
+        return cls(part, name, faces, side, areas[side.nodes], part.supported[side.nodes])
 
     @property
     def size(self) -> float:

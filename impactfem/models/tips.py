@@ -10,6 +10,7 @@ from impactfem.scene.laws import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.ties import TieRows
 from impactfem.scene.values import show
+from impactfem.system.cuts import Cuts
 from impactfem.system.link_shapes import named
 from impactfem.system.located import Located, locate
 from impactfem.system.regions import HeldRegion, HeldRegions, Key, region, triangles
@@ -26,7 +27,7 @@ def held_regions(part: "SolidPart") -> dict[Key, HeldRegion]:
     """What joints hold of a solid (collective if there are joints).
 
     Raises:
-        KeyedError: It has no such surface, is cut by symmetry, or a region is empty or shared.
+        KeyedError: It has no such surface, or a region is empty or shared.
     """
     outside, found = part.outside, HeldRegions()
     for index, joint in enumerate(part.scene.couplings):
@@ -38,9 +39,6 @@ def held_regions(part: "SolidPart") -> dict[Key, HeldRegion]:
                 continue
             (name,) = surfaces or ("",)
             where = part.scene.table_of(index)
-            if part.solid.shape is not None and part.solid.shape.symmetry:
-                text = f" = {show(side)}: {body} is cut by symmetry, which joints do not keep; "
-                raise KeyedError(where, "between", text + "model it as a whole.")
             if surfaces and name not in outside.names:
                 raise named(where, "between", side, outside.names, "surface")
             at = np.array(place or (0.0,) * part.solid.dim, dtype=np.float64)
@@ -56,17 +54,22 @@ def held_regions(part: "SolidPart") -> dict[Key, HeldRegion]:
 def _region(
     part: "SolidPart", name: str, place: Floats, radius: float | None, where: tuple[str, str]
 ) -> HeldRegion:
-    outside = part.outside
+    outside, cuts = part.outside, Cuts(part.solid.cuts)
     faces = outside.on([name])
     on = outside.touched(faces)
-    areas, free = outside.total(outside.areas, faces)[on], ~part.supported[on]
     points, corners = outside.points[on], triangles(outside.faces[faces], part.solid.dim)
+    areas = outside.total(outside.areas, faces)[on]
+    free = ~(part.supported[on] & ~cuts.on(points)).any(axis=1)
     numbers = np.searchsorted(np.flatnonzero(on), corners)
-    found = region(place, points, numbers, radius, areas, free, where)
-    kept = found.nodes
+    whole, images = cuts.unfolded(points), cuts.numbers(points)
+    weights = np.bincount(images.ravel(), np.tile(areas, len(images)), len(whole))
+    faced = np.concatenate([image[numbers] for image in images])
+    found = region(place, whole, faced, radius, weights, np.tile(free, len(images)), where)
+    kept = found.nodes[: len(points)]
     return HeldRegion(
-        outside.numbers[on][kept], points[kept], areas[kept], int(on.sum()), found.radius, found.why
-    )
+        outside.numbers[on][kept], points[kept], areas[kept], int(on.sum()), found.radius,
+        found.why, cuts=cuts,
+    )  # fmt: skip
 
 
 def _inside(part: "SolidPart", place: Floats, where: str) -> HeldRegion:
@@ -82,14 +85,17 @@ def _inside(part: "SolidPart", place: Floats, where: str) -> HeldRegion:
     numbers = found.numbers[order]
     nodes = SurfaceNodes.of(part.comm, part.solid.dim, numbers, system.numbers)
     points = nodes.gather(system.positions.ravel())
-    return HeldRegion(numbers, points, found.values[order], len(order), 0.0, "", turns=False)
+    return HeldRegion(
+        numbers, points, found.values[order], len(order), 0.0, "", turns=False,
+        cuts=Cuts(part.solid.cuts),
+    )  # fmt: skip
 
 
 def supported(part: "SolidPart") -> Booleans:
-    """Which nodes of the outside of a solid supports hold, (nodes,) (collective)."""
+    """Which nodes of the outside of a solid supports hold, (nodes, dim) (collective)."""
     system, outside = part.system, part.outside
     own = np.reshape(system.constrained, (-1, part.solid.dim)).astype(np.float64)
-    return everywhere(part.comm, outside.numbers, system.numbers, own).any(axis=1)
+    return everywhere(part.comm, outside.numbers, system.numbers, own) > 0.0
 
 
 def tips_of(part: "SolidPart") -> Tips:

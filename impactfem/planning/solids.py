@@ -143,7 +143,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
         [min(*e, *balls.get(s.name, ())) for s, (_, e) in zip(solids, found, strict=True)],
         any(is_curved(part.mesh) for part in model.parts), cost, reasons,
     )  # fmt: skip
-    others = [name for bodies in model.few for name in bodies.names]
+    others = [body.name for body in scene.bodies if not (body in solids or body.attached)]
     whole, cuts = find_whole(scene, model.parts, others, reasons)
     findings += cuts
     if model.probes:

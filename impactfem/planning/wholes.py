@@ -8,6 +8,7 @@ from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.obstacles.mirror import Mirror
+from impactfem.scene.ties import TieRows
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidPart
@@ -23,7 +24,8 @@ def find_whole(
 
     A cut of a shape is one as the scene says. A support of kind "symmetry" is one where it says
     so of a half: all nodes lie on one side of the only such plane across its axis (two of them are
-    guides, as of a wave guide), and gravity and obstacles are symmetric about it.
+    guides, as of a wave guide), gravity and obstacles are symmetric about it, and the scene says of
+    how much it is that joints, springs and masses hold: there are none on it.
 
     Args:
         scene: The scene.
@@ -34,7 +36,7 @@ def find_whole(
     Returns:
         What the solids are parts of, and what is to be told of it.
     """
-    each = [_planes(scene, part) for part in parts]
+    each = [_planes(scene, part, reasons) for part in parts]
     if others and any(each):
         cut = next(part.solid.name for part, planes in zip(parts, each, strict=True) if planes)
         text = f"{cut} is part of a symmetric whole, but {others[0]} is not cut: it meets this "
@@ -65,16 +67,26 @@ def find_whole(
     return whole, []
 
 
-def _planes(scene: Scene, part: "SolidPart") -> dict[int, float]:
+def _planes(scene: Scene, part: "SolidPart", reasons: dict[str, str]) -> dict[int, float]:
     """Coordinate [m] of the planes that cut a body, by the number of the axis across."""
-    shape = part.solid.shape
-    cuts = () if shape is None else shape.symmetry
-    found = {} if shape is None else {_AXES.index(a): shape.centre[_AXES.index(a)] for a in cuts}
+    found = {axis: level + 0.0 for axis, level in part.solid.cuts}
+    if _is_held(scene, part.solid.name):
+        if any(axis not in found for axis, _ in part.system.supports.planes):
+            reasons["symmetry supports"] = (
+                f"guides, since joints, springs or masses hold {part.solid.name}: nothing says of "
+                "how much of a whole; shape.symmetry does"
+            )
+        return found
     for axis, level in part.system.supports.planes:
         mirror = Mirror(axis, level, part.system.nodes.size)
         if axis not in found and _is_symmetric(scene, mirror):
-            found[axis] = level
-    return {axis: level + 0.0 for axis, level in found.items()}
+            found[axis] = level + 0.0
+    return found
+
+
+def _is_held(scene: Scene, body: str) -> bool:
+    """Whether joints, springs or masses hold it, and do not say of how much of them it is."""
+    return any(body in joint.bodies and not isinstance(joint, TieRows) for joint in scene.couplings)
 
 
 def _is_symmetric(scene: Scene, mirror: Mirror) -> bool:

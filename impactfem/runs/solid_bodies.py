@@ -59,7 +59,9 @@ def body_motions(
                 if seen.loop.started is not None:
                     start = start + seen.loop.started.turned.get(name, 0.0)
             else:
-                start = _turned_at_start(part, placed[k])
+                start = np.zeros(3)
+                start[3 - turns :] = _turned_at_start(part, placed[k])
+                start = whole.mean_turn(start)[3 - turns :]
             turn = _rotation(np.vstack([start, march.interior.dt * each_layer]))
         elif attitudes[:, k].any() and (part is None or _turns_freely(part, whole)):
             dt = march.interior.dt  # bodies beside explicit solids are summed up amid layers
@@ -107,12 +109,12 @@ def _rotation(steps: Floats) -> Floats:
 def momentum_direction(model: SolidsModel) -> Floats:
     """Unit vector along which momentum is told: its largest component is positive.
 
-    Of one body the normal of the obstacle that is nearest to it, whatever its sign. Of several that
-    of the first one's approach to the second; of gravity, if they start alike; else the line of
-    their centres.
+    Of one body, whatever it carries, the normal of the obstacle that is nearest to it, whatever its
+    sign. Of several that of the first one's approach to the second; of gravity, if they start
+    alike; else the line of their centres.
     """
     dim, way = model.dim, np.zeros(3)
-    if len(model.names) == len(model.parts) == 1:
+    if len(model.parts) == 1 and all(b.attached for b in model.scene.bodies[1:]):
         contact = model.parts[0].contact
         if contact is None or not contact.count:
             return np.array([0.0, 1.0, 0.0])

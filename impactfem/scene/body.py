@@ -103,6 +103,11 @@ class BodyKind:
         """The same with its file read, whose relative path starts at a folder."""
         return self
 
+    @property
+    def cuts(self) -> tuple[tuple[int, float], ...]:
+        """Number of the axis across each plane of symmetry that cuts it, and the coordinate [m]."""
+        return ()
+
     def missed(self, place: Floats, part: str) -> str | None:  # noqa: ARG002  (anywhere)
         """Where joints hold it, or a part of a name, instead of at a place (dim,); None: there."""
         return None

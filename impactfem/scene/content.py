@@ -168,12 +168,19 @@ class Content:
     @cached_property
     def holding(self) -> tuple[Joint, ...]:
         """Its joints and ties: what holds bodies together."""
-        return self.joints + tuple(tie.rows(self.dim) for tie in self.ties)
+        ties = (tie.rows(self.dim) for tie in self.ties)
+        return (*(self._of_part(joint) for joint in self.joints), *ties)
 
     @cached_property
     def couplings(self) -> tuple[Joint, ...]:
         """These, and its springs as rows that hold nothing."""
-        return self.holding + tuple(row for spring in self.springs for row in spring.rows(self.dim))
+        rows = (row for spring in self.springs for row in spring.rows(self.dim))
+        return (*self.holding, *map(self._of_part, rows))
+
+    def _of_part(self, joint: Joint) -> Joint:
+        """What acts in a joint on the part that planes of symmetry leave of its bodies."""
+        cuts = (body.cuts for body in self.bodies if body.name in joint.bodies)
+        return joint.of_part(0.5 ** max(map(len, cuts), default=0))
 
     def table_of(self, coupling: int) -> str:
         """Table of one of its `couplings`, for messages."""

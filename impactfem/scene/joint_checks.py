@@ -4,6 +4,7 @@ import numpy as np
 
 from impactfem.scene.breaks import check_motion
 from impactfem.scene.content import BODIES, Content
+from impactfem.scene.cut_joints import check_cuts
 from impactfem.scene.joints import GROUND, JOINTS, Joint
 from impactfem.scene.laws import side_of
 from impactfem.scene.nearest import nearest
@@ -52,6 +53,7 @@ def check_joints(scene: Content) -> None:
         _check_radius(scene, where, joint)
         _check_motions(scene, where, joint)
         _check_in_steps(scene, where, joint)
+        check_cuts(scene, where, joint)
 
 
 def check_couplings(scene: Content) -> None:
@@ -75,7 +77,10 @@ def check_couplings(scene: Content) -> None:
             text += "act in the plane or in space: give these positions of 2 or 3 numbers."
             raise KeyedError(where, "between", text)
         spring.check_in(where, scene.dim)
-        for row in spring.rows(scene.dim)[:1]:
+        for first, row in enumerate(spring.rows(scene.dim)):
+            check_cuts(scene, where, row)
+            if first > 0:
+                continue
             _check_in_steps(scene, where, row)
             if spring.has_places:
                 _check_places(scene, where, row)

@@ -1,8 +1,8 @@
 """Joints between bodies, or with the ground: what they hold, and what acts in them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -211,6 +211,16 @@ class Joint:
     def moves(self) -> bool:
         """Whether it has a coordinate that may change."""
         return self.kind_of.unit is not None and not (self.kind_of.yields and self.holds)
+
+    def of_part(self, share: float) -> Self:
+        """It with a share of what acts in it, as it acts on a part of a symmetric whole."""
+        acting = "stiffness", "damping", "friction", "preload"
+        forces = {name: value * share for name in acting if (value := getattr(self, name))}
+        if self.motor is not None:
+            forces["motor"] = Formula(f"{share!r} * f", ("f",)).composed(f=self.motor)
+        if self.soft is not None:
+            forces["soft"] = replace(self.soft, cfm=self.soft.cfm / share)
+        return replace(self, **forces) if forces and share != 1.0 else self
 
     def _fail(self, name: str, text: str) -> KeyedError:
         value = getattr(self, name)

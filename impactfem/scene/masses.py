@@ -111,8 +111,8 @@ class PointMass:
                 raise KeyedError(where, "point", f"{text}give a place there.")
             side = self.body + f"/{part}" * bool(part)
         return Attached(
-            name=self.name, mass=self.mass, position=tuple(place.tolist()), side=side,
-            velocity=(0.0,) * body.dim, region=region,
+            name=self.name, mass=self.mass * 0.5 ** len(body.cuts),
+            position=tuple(place.tolist()), side=side, velocity=(0.0,) * body.dim, region=region,
         )  # fmt: skip
 
     def _middle(self, body: Any, where: str) -> Sequence[float]:

@@ -95,6 +95,12 @@ class Shape(ABC):
         return self._whole / 2.0 ** len(self.symmetry)
 
     @property
+    def cuts(self) -> tuple[tuple[int, float], ...]:
+        """Number of the axis across each plane that cuts it, and the plane's coordinate [m]."""
+        axes = [AXES.index(axis) for axis in self.symmetry]
+        return tuple((axis, self.centre[axis]) for axis in axes)
+
+    @property
     def touches_axis(self) -> bool:
         """Whether an axisymmetric body of this shape reaches r = 0."""
         r, half = self.centre[0], self.half_extents[0]
@@ -129,8 +135,8 @@ class Shape(ABC):
         return (*left, *(f"symmetry_{axis}" for axis in self.symmetry), *["axis"] * on_axis)
 
     def middle_of(self, surface: str) -> tuple[float, ...] | None:
-        """Middle of a surface of the whole shape [m], (dim,); None of cut shapes, or no surface."""
-        if surface not in self._faces or self.symmetry:
+        """Middle of a surface of the whole shape [m], (dim,); None of no surface."""
+        if surface not in self._faces:
             return None
         normal = self._faces[surface]
         if normal is None:

@@ -555,6 +555,11 @@ class Solid(BodyKind):
         return (*self.supports, *held)
 
     @property
+    def cuts(self) -> tuple[tuple[int, float], ...]:
+        """Those of its shape."""
+        return () if self.shape is None else self.shape.cuts
+
+    @property
     def volume(self) -> float | None:
         """Volume [m^3] of what is modelled, after symmetry cuts; None with a mesh file."""
         if self.shape is None:

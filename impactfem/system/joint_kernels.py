@@ -165,7 +165,8 @@ def shown(terms, values_now, gradient, acting, stations, joints, found):
             layer that forces acted in.
         joints: Joint of each term (terms,), row of the coordinate of each joint or -1, what that is
             more than the row, whether there are no bodies between which a moment could act
-            (joints,), factors of forces along the axes (joints, 3), and the dimension.
+            (joints,), factors of forces and moments along the axes and of forces of gears
+            (7,), and the dimension.
 
     Returns:
         Rates of the rows, (rows,).
@@ -184,7 +185,7 @@ def shown(terms, values_now, gradient, acting, stations, joints, found):
         for i in range(6):
             pushes[k, i] += size * gradient[t, 1, i]
         if geared[k]:
-            found[k, 2], found[k, 3] = size, 0.0
+            found[k, 2], found[k, 3] = factors[6] * size, 0.0
         if about[k] < 0:
             about[k] = t
     for k in range(len(moving)):
@@ -195,8 +196,9 @@ def shown(terms, values_now, gradient, acting, stations, joints, found):
         force, first = pushes[k, :3], about[k]
         moment = crossed(by(middles[bodies[first, 1]], arms[first, 1]), force)
         x, y, z = less(pushes[k, 3:], moment)
+        x, y, z = factors[3] * x, factors[4] * y, factors[5] * z
         found[k, 3] = z if dim == 2 else np.sqrt(x * x + y * y + z * z)
-        x, y, z = factors[k] * force
+        x, y, z = factors[:3] * force
         found[k, 2] = np.sqrt(x * x + y * y + z * z)
     return rates
 

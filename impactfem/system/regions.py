@@ -9,6 +9,7 @@ from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.closest import closest_shares, distances
+from impactfem.system.cuts import WHOLE, Cuts
 from impactfem.system.rigid import in_space
 from impactfem.system.stations import Tied
 
@@ -149,6 +150,7 @@ class HeldRegion:
         why: Where the radius is from, in words; empty if it was given.
         turns: Whether it turns: a place in a solid does not, nodes about it have its shape
             functions for areas.
+        cuts: Planes of symmetry that leave these of the nodes.
     """
 
     numbers: Integers
@@ -158,14 +160,17 @@ class HeldRegion:
     radius: float
     why: str
     turns: bool = True
+    cuts: Cuts = WHOLE
 
     def tip(self) -> tuple[Floats, Floats]:
         """Its place (3,), and its velocity and spin by those of its nodes, (6, nodes, dim)."""
-        if self.turns and (made := tip(self.points, self.areas)) is not None:
+        if self.turns and (made := tip(self.points, self.areas, self.cuts)) is not None:
             return made
         dim = self.points.shape[1]
         rows = np.zeros((6, len(self.points), dim))
         rows[:dim] = self.areas[None, :, None] * np.eye(dim)[:, None]
+        for axis, _ in self.cuts.planes:
+            rows[axis] = 0.0
         return in_space(self.areas @ self.points), rows
 
 
@@ -209,11 +214,15 @@ class HeldRegions:
         self.owners.setdefault(key, joint)
 
 
-def tip(points: Floats, weights: Floats) -> tuple[Floats, Floats] | None:
+def tip(points: Floats, weights: Floats, cuts: Cuts = WHOLE) -> tuple[Floats, Floats] | None:
     """Place (3,) of a tip and its velocity and spin by those of nodes (6, nodes, dim).
 
-    None where its nodes do not tell how it turns.
+    Of what planes cut it is that of the whole. None where its nodes do not tell how it turns.
     """
+    if cuts.planes:
+        images = 2 ** len(cuts.planes)
+        made = tip(cuts.unfolded(points), np.tile(weights, images))
+        return None if made is None else (made[0], cuts.folded(made[1]))
     dim = points.shape[1]
     whole = weights.sum()
     if not whole > 0.0:

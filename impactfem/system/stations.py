@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.arrays import Floats
+from impactfem.system.cuts import Cuts
 
 
 class Tied(NamedTuple):
@@ -46,6 +47,7 @@ class Stations:
         axes: By rows the directions in which each moves or does not, (3, 3); None: all alike.
         told: Says the rates that impulses (stations, 6) at t = 0 make, by the keys that set them;
             None: velocities and spins of the stations say it.
+        cuts: Planes of symmetry that cut each, (stations,); empty: none.
         fastest: Largest speed at t = 0 of what they are means of [m/s], by which these round.
     """
 
@@ -64,6 +66,7 @@ class Stations:
     told: Callable[[Floats], str] | None = None
     axes: Floats | None = None
     fastest: float = 0.0
+    cuts: tuple[Cuts, ...] = ()
 
     @classmethod
     def along(

@@ -83,4 +83,5 @@ class Tips:
         )
         count = int((~gather(system.comm, system.constrained)).sum())
         fastest = float(np.abs(nodes.gather(system.velocity)).max(initial=0.0))
-        return replace(found, freedoms=count, given=(), fastest=fastest)
+        cuts = tuple(self.regions[key].cuts for key in alone)
+        return replace(found, freedoms=count, given=(), fastest=fastest, cuts=cuts)

@@ -367,13 +367,6 @@ def test_what_joints_hold_does_not_touch():
     assert said[0].startswith("4 nodes (bottom 2, top 2)")
 
 
-def test_half_of_a_body_is_refused():
-    half = {"kind": "block", "size": [0.2, 0.1], "corner": [-0.1, -0.1], "symmetry": ["x"]}
-    scene = made([block(shape=half)], [hinge("ground", "block/top")], 0.1, 1e-3)
-    with pytest.raises(SceneError, match="block is cut by symmetry"):
-        plan(scene)
-
-
 def test_plans_foresee_no_flight_of_what_joints_hold_and_say_what_counts():
     scene = made(
         [block()], [hinge("ground", "block/left", point=[-0.1, -0.05])], 0.5, 1e-3, (0.0, -9.81),
