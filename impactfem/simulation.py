@@ -20,7 +20,7 @@ from impactfem.runs.feedback import Feedback, controlled
 from impactfem.runs.run import Cost
 from impactfem.runs.summary import summarise
 from impactfem.scene import Scene
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.values import show
 
 if TYPE_CHECKING:
@@ -142,9 +142,8 @@ class Simulation:
         known = [body.name for body in self._scene.bodies]
         for name in given:
             if name not in known:
-                near = nearest(name, known)
-                meant = f"did you mean {show(near)}?" if near else f"give one of {', '.join(known)}"
-                raise SceneError(f"Simulation.step: there is no body {show(name)}; {meant}")
+                text = f"Simulation.step: there is no body {show(name)}; {meant(name, known)}"
+                raise SceneError(text)
         none = np.zeros(dim), np.zeros(dim * (dim - 1) // 2)
         each = {n: (few, k) for few in self._ready.few for k, n in enumerate(few.bodies.names)}
         for name, (force, moment) in given.items():

@@ -10,7 +10,7 @@ from impactfem.errors import OutputError
 from impactfem.result.record import Record
 from impactfem.scene import Scene
 from impactfem.scene.inverse import Measure
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -75,9 +75,7 @@ def _of_run(scene: Scene, measure: Measure, where: str) -> Data:
         raise refuse(str(error)) from None
     columns = [name for name, column in history.items() if column.values.ndim == 1]
     if measure.of not in columns:
-        near = nearest(measure.of, columns)
-        meant = f"; did you mean {show(near)}?" if near else ""
-        raise refuse(f"its history has no {show(measure.of)}{meant}")
+        raise refuse(f"its history has no {show(measure.of)}; {meant(measure.of, columns)}")
     unit = history[measure.of].attrs.get("units")
     if measure.unit is not None and measure.unit != unit:
         raise refuse(f"there {measure.of} is in {unit}, not in unit = {show(measure.unit)}")

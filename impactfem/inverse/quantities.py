@@ -11,7 +11,7 @@ from impactfem.errors import SceneError
 from impactfem.inverse.data import Data, data_of
 from impactfem.inverse.outcomes import Outcome
 from impactfem.scene import Limit, Scene, Term
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -125,10 +125,8 @@ class Quantities:
             if self.data[index].by_rows:  # means beside means
                 values = outcome.means.get(measure.of, values)
         else:
-            near = nearest(measure.of, outcome.names)
-            meant = f"did you mean {show(near)}?" if near else ""
-            text = f" = {show(measure.of)} is nothing of this run; {meant} There are "
-            raise KeyedError(where, "of", f"{text}{', '.join(outcome.names)}.")
+            text = f" = {show(measure.of)} is nothing of this run; "
+            raise KeyedError(where, "of", f"{text}{meant(measure.of, outcome.names)}.")
         if measure.unit is not None and measure.unit != unit:
             text = f" = {show(measure.unit)}, but {measure.of} is in {unit}: convert the data."
             raise KeyedError(where, "unit", text)

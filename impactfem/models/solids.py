@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -40,10 +39,12 @@ from impactfem.models.tips import held_regions, supported, tips_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.apartness import Apartness
 from impactfem.scene.masses import Attached
+from impactfem.scene.nearest import meant
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.probes import Probe, outside
 from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
 from impactfem.system.elastic import ElasticSystem, elastic_system
 from impactfem.system.few import FewBodies
 from impactfem.system.few_bodies import few_bodies
@@ -258,12 +259,9 @@ class SolidsModel:
         if chosen is not None:
             for name in chosen:
                 if name not in outside.names:
-                    near = get_close_matches(name, outside.names, 1)
-                    meant = f"did you mean {near[0]!r}? " if near else ""
-                    raise SceneError(
-                        f"contact.between = '{solid.name}/{name}': the body has no surface "
-                        f"{name!r}; {meant}give one of {', '.join(outside.names)}"
-                    )
+                    text = f"contact.between = {show(f'{solid.name}/{name}')}: the body has no "
+                    text += f"surface {show(name)}; {meant(name, outside.names)}"
+                    raise SceneError(text)
             asked &= outside.on(chosen)
         if part.regions:
             asked &= ~part.joined[outside.faces].any(axis=1)

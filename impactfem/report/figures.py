@@ -1,7 +1,6 @@
 """All pictures of a result: its panels, and the bodies as they move."""
 
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +14,8 @@ from impactfem.report.panels import panels
 from impactfem.report.sheet import write_png
 from impactfem.report.solid_figures import body
 from impactfem.result import Record
+from impactfem.scene.nearest import meant
+from impactfem.scene.values import show
 
 
 def painters(result: Record) -> dict[str, Callable[[], Figure | None]]:
@@ -47,8 +48,7 @@ def draw_one(result: Record, name: str) -> Figure:
     """
     known = painters(result)
     if name not in known:
-        near = get_close_matches(name, known, n=2, cutoff=0.4) or known
-        raise SceneError(f'figure "{name}" is none of this result: give {" or ".join(near)}')
+        raise SceneError(f"figure {show(name)} is none of this result; {meant(name, known)}")
     figure = known[name]()
     if figure is None:
         raise SceneError(f'figure "{name}": nothing of the motion is finite; draw contact_force')

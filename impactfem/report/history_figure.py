@@ -1,7 +1,6 @@
 """Columns of a history over time: those of one unit share axes, labels carry the units."""
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +11,8 @@ from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.sheet import Sheet
 from impactfem.result import Record
 from impactfem.result.table import Series, Table
+from impactfem.scene.nearest import meant
+from impactfem.scene.values import show
 
 DEFAULT = ("gap", "contact_force", "kinetic_energy", "elastic_energy", "total_energy")
 """Columns that are drawn if none are named."""
@@ -45,9 +46,7 @@ def plot_history(result: Record, *names: str) -> Figure:
 def _column(history: Table, name: str) -> Series:
     known = list(history.data_vars)
     if name not in known:
-        near = get_close_matches(name, known, n=3, cutoff=0.4)
-        said = f"did you mean {' or '.join(near)}?" if near else f"choose from {', '.join(known)}"
-        raise SceneError(f'history has no column "{name}": {said}')
+        raise SceneError(f"history has no column {show(name)}; {meant(name, known)}")
     return history[name]
 
 

@@ -4,7 +4,6 @@ import os
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
-from difflib import get_close_matches
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -21,6 +20,7 @@ from impactfem.report.skin import Skin
 from impactfem.report.view_obstacles import joined, obstacle_parts
 from impactfem.result.grids import drawing_fault, load_pyvista, make_grid, nearest_layer, thickened
 from impactfem.result.whole import Whole
+from impactfem.scene.nearest import meant
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -112,8 +112,7 @@ class View:
             stressed = self._skin.is_stressed.any() and "von_mises" in known
             return "von_mises" if stressed else "velocity"
         if name not in known:
-            near = get_close_matches(name, known, n=2, cutoff=0.4) or known
-            raise SceneError(f'field "{name}" is none of this result: give {" or ".join(near)}')
+            raise SceneError(f'field "{name}" is none of this result; {meant(name, known)}')
         return name
 
     def _values(self, layer: int) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.result.table import Table
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.values import show
 
 _EVEN = 1e-6  # share by which times of equal steps differ
@@ -120,9 +120,8 @@ def spectrum(history: Table, column: str, q: float | None = None) -> Spectrum:
 def _column(history: Table, column: str) -> tuple[Floats, Floats, str]:
     """Values, times and unit of a column."""
     if column not in history.data_vars:
-        near = nearest(column, list(history.data_vars))
-        meant = f"did you mean {show(near)}?" if near else "history.csv names all in its first line"
-        raise SceneError(f"spectrum: the history has no column {show(column)}: {meant}")
+        text = f"spectrum: the history has no column {show(column)}; "
+        raise SceneError(text + meant(column, history.data_vars))
     series, times = history[column], history["time"].values
     values = np.asarray(series.values, dtype=np.float64)
     if len(values) < _LEAST:

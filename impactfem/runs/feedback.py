@@ -18,7 +18,7 @@ from impactfem.runs.run import Run
 from impactfem.scene import Scene
 from impactfem.scene.controllers import Controller
 from impactfem.scene.grammar import Held
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import is_number, show
 
@@ -315,11 +315,8 @@ class Feedback:
                 if name in known:
                     continue
                 at = "columns" if own.columns else "of" if name == own.measured[0] else "rate"
-                near = nearest(name, known)
-                meant = f"did you mean {show(near)}?" if near else ""
-                text = f" = {show(name)} is no column of this run; {meant} There are "
-                listed = ", ".join(n for n in known if not n.startswith(("momentum", "angular")))
-                raise KeyedError(f"controller[{loop.index}]", at, f"{text}{listed[:500]}.")
+                text = f" = {show(name)} is no column of this run; {meant(name, known)}."
+                raise KeyedError(f"controller[{loop.index}]", at, text)
 
     def __call__(self, level: Level, read: Read, run: Try) -> None:
         """Do the work of the step that ends, and sample what is due."""

@@ -7,7 +7,7 @@ from impactfem.scene.content import BODIES, Content
 from impactfem.scene.cut_joints import check_cuts
 from impactfem.scene.joints import GROUND, JOINTS, Joint
 from impactfem.scene.laws import side_of
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -211,17 +211,13 @@ def _check_side(
         raise KeyedError(where, "between", given + text)
     known = None if body is None or not part else body.joint_parts
     if part and known is not None and part[0] not in known:
-        near = nearest(part[0], known)
-        meant = f"did you mean {show(near)}? Give" if near else "give"
-        text = f"there is no surface {show(name)}; {meant} one of {', '.join(known) or whole}."
+        text = f"there is no surface {show(name)}; {meant(part[0], known or [whole])}."
         raise KeyedError(where, "between", given + text)
     if part is not None:
         name = whole
     if name not in bodies:
         able = [*(body.name for body in scene.bodies if body.takes_joints), GROUND]
-        near = nearest(name, able)
-        meant = f"did you mean {show(near)}? " if near else ""
-        text = f"there is no body {show(name)}; {meant}give two of {', '.join(able)}."
+        text = f"there is no body {show(name)}; {meant(name, able)}."
         raise KeyedError(where, "between", given + text)
     if not bodies[name].takes_joints:
         kinds = " and ".join(kind for kind, cls in BODIES.items() if cls.takes_joints)

@@ -10,7 +10,7 @@ from impactfem.scene.couplings import NEAREST, WHOLE
 from impactfem.scene.inline import Vector
 from impactfem.scene.joints import Joint
 from impactfem.scene.kinds import Name, Real
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.points import Point
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
@@ -81,10 +81,8 @@ class PointMass:
         bodies = {body.name: body for body in scene.bodies if not body.attached}
         body = bodies.get(self.body)
         if body is None:
-            near = nearest(self.body, list(bodies))
-            meant = f"did you mean {show(near)}? G" if near else "g"
-            text = f" = {show(self.body)}: there is no such body; {meant}ive one of "
-            raise KeyedError(where, "body", f"{text}{', '.join(bodies)}.")
+            text = f" = {show(self.body)}: there is no such body; {meant(self.body, bodies)}."
+            raise KeyedError(where, "body", text)
         if self.name in {*bodies, *(obstacle.name for obstacle in scene.obstacles)}:
             text = f" = {show(self.name)} is the name of something else: give another."
             raise KeyedError(where, "name", text)

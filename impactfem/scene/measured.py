@@ -15,7 +15,7 @@ from impactfem.arrays import Floats
 from impactfem.reading.regular import read_regular, reason
 from impactfem.scene.formula import Formula
 from impactfem.scene.grammar import FOLDER, FormulaError
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.pieces import Table
 from impactfem.scene.values import NotAllowedError, show
 
@@ -85,12 +85,10 @@ def measured(given: Mapping[str, Any], variables: tuple[str, ...]) -> Measured:
     times, columns = _read(given["table"])
     name = given.get("column", next(iter(columns)) if len(columns) == 1 else None)
     if name not in columns:
-        there = ", ".join(show(each) for each in columns)
         if name is None:
+            there = ", ".join(show(each) for each in columns)
             raise NotAllowedError(f"its file has several columns: say which, column = {there}")
-        near = nearest(name, columns)
-        meant = f"did you mean {show(near)}?" if near else f"there are {there}"
-        raise NotAllowedError(f"its file has no column {show(name)}; {meant}")
+        raise NotAllowedError(f"its file has no column {show(name)}; {meant(name, columns)}")
     values, unit = columns[name]
     node = ("table", Table.through(times, values), ("variable", "t"))
     try:

@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 
+from impactfem.scene.values import show
+
 # What other programs and textbooks call it; the first of these keys that is known here is meant.
 _SAME: Mapping[str, tuple[str, ...]] = {
     "e": ("youngs_modulus", "restitution"),
@@ -98,6 +100,8 @@ _SAME: Mapping[str, tuple[str, ...]] = {
     "if": ("where",),
 }
 
+_MOST_LISTED = 30
+
 _SHORT, _CLOSE, _CLOSE_SHORT = 3, 0.6, 0.5  # letters; shares of letters in common
 
 
@@ -116,6 +120,14 @@ def nearest(word: str, known: Iterable[str]) -> str:
         return same
     # Names in capitals, as those of surfaces of a mesh file, are near to the word as it stands.
     return _close(small, names) or _close(word[:80], names)
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """What to give for a name that is not known: which is near, and which there are."""
+    names, near = list(known), nearest(word, known)
+    more = len(names) - _MOST_LISTED
+    listed = ", ".join(names[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
+    return f"{f'did you mean {show(near)}? Give' if near else 'give'} one of {listed}"
 
 
 def _close(word: str, names: list[str]) -> str:

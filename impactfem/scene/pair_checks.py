@@ -8,7 +8,7 @@ from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
 from impactfem.scene.laws import is_pattern, side_of, sides_of
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -174,7 +174,7 @@ def check_sides(scene: Content, contact: Contact, where: str) -> None:
     for name in names:
         if name not in bodies | obstacles:
             known = [*(b.name for b in scene.bodies), *(o.name for o in scene.obstacles)]
-            text = f" = {shown}: there is no {show(name)}; {_meant(name, known)}"
+            text = f" = {shown}: there is no {show(name)}; {meant(name, known)}."
             raise KeyedError(where, "between", text)
     if not bodies & set(names):
         raise KeyedError(where, "between", f" = {shown} are two obstacles: name a body and one.")
@@ -187,8 +187,8 @@ def check_sides(scene: Content, contact: Contact, where: str) -> None:
         for surface in surfaces or ():
             if own is not None and surface not in own:
                 text = f" = {shown}: {show(name)} has no surface {show(surface)}"
-                remedy = _meant(surface, own) if own else "It has none: leave the slash out."
-                raise KeyedError(where, "between", f"{text}; {remedy}")
+                remedy = meant(surface, own) if own else "it has none: leave the slash out"
+                raise KeyedError(where, "between", f"{text}; {remedy}.")
 
 
 def check_twice(scene: Content, one: Contact, two: Contact, where: str, index: int) -> None:
@@ -227,8 +227,3 @@ def check_twice(scene: Content, one: Contact, two: Contact, where: str, index: i
 def _surfaces(scene: Content, name: str) -> Sequence[str] | None:
     """Surfaces of a body; None if a mesh file has them."""
     return next(body.surface_names for body in scene.bodies if body.name == name)
-
-
-def _meant(name: str, known: Sequence[str]) -> str:
-    near = nearest(name, known)
-    return f"{f'did you mean {show(near)}? ' if near else ''}Give one of {', '.join(known)}."

@@ -2,7 +2,7 @@
 
 from impactfem.scene.column_names import RESERVED
 from impactfem.scene.content import Content
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -22,10 +22,8 @@ def check_probes(scene: Content) -> None:
             raise KeyedError(where, "name", text)
         taken[probe.name] = where
         if probe.body not in bodies:
-            near = nearest(probe.body, bodies)
-            meant = f"did you mean {show(near)}? " if near else ""
-            text = f" = {show(probe.body)}: there is no such body; {meant}give one of "
-            raise KeyedError(where, "body", f"{text}{', '.join(bodies)}.")
+            text = f" = {show(probe.body)}: there is no such body; {meant(probe.body, bodies)}."
+            raise KeyedError(where, "body", text)
         if len(probe.point) != scene.dim:
             text = f" = {show(list(probe.point))} has {len(probe.point)} entries, but the scene has"
             raise KeyedError(where, "point", f"{text} {scene.dim} coordinates: give {scene.dim}.")

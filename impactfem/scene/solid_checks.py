@@ -8,7 +8,7 @@ from impactfem.scene.boundary import SPACE
 from impactfem.scene.formula import Formula
 from impactfem.scene.kinds import FormulaOf
 from impactfem.scene.mesh_files import MESHES, check_part
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.rigid_keys import Orientation
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import NotAllowedError, show
@@ -255,9 +255,7 @@ def _check_surface_names(solid: "Solid") -> None:
     ]
     for name, surface in named:
         if surface not in known:
-            near = nearest(surface, known)
-            meant = f", did you mean {show(near)}? Give" if near else ": give"
-            text = f" = {show(surface)} is not a surface of this shape{meant} {' or '.join(known)}."
+            text = f" = {show(surface)} is not a surface of this shape; {meant(surface, known)}."
             raise _fail(solid, name, text)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, override
 
 from impactfem.scene.kinds import Kind, one_of
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.schema import KeyedError, check_keys, from_table, keys_of
 from impactfem.scene.values import NotAllowedError, show, type_in_words
 
@@ -172,9 +172,7 @@ def looked_up(data: dict[str, Any], path: str) -> object:
     """
     place, name = _home(data, path)
     if isinstance(place, dict) and name not in place:
-        near = nearest(str(name), list(place))
-        meant = f"did you mean {show(near)}?" if near else f"there are {', '.join(place)}"
-        raise NotAllowedError(f"the scene has no {show(name)} there; {meant}")
+        raise NotAllowedError(f"the scene has no {show(name)} there; {meant(str(name), place)}")
     return place[name]
 
 

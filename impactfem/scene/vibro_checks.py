@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, cast
 from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.pair_checks import check_patterns
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -55,9 +55,7 @@ def _check_contact(
     shown = show(list(contact.between))
     for name in contact.between:
         if name not in names:
-            near = nearest(name, names)
-            meant = f"did you mean {show(near)}? The" if near else "the"
-            text = f" = {shown}: there is no {show(name)}; {meant} scene has {', '.join(names)}."
+            text = f" = {shown}: there is no {show(name)}; {meant(name, names)}."
             raise KeyedError(where, "between", text)
     bodies = [name for name in contact.between if hasattr(names[name], "mass")]
     if not bodies:

@@ -9,7 +9,7 @@ import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.scene import Mechanism, Scene
-from impactfem.scene.nearest import nearest
+from impactfem.scene.nearest import meant
 from impactfem.scene.pairing import friction_of, named_body_pairs, obstacles_of, surfaces_on
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -253,10 +253,8 @@ def _unseen(body: Mechanism, other: str, shape: LinkShape) -> KeyedError:
 
 def named(kind: str, key: str, name: str, known: Sequence[str], what: str) -> KeyedError:
     """The error of a name that the file of a mechanism does not have."""
-    near = nearest(name.rpartition("/")[2], known)
-    meant = f"did you mean {show(near)}? " if near else ""
-    text = f": there is no {what} {show(name)}; {meant}Give one of {', '.join(known)}."
-    return KeyedError(kind, key, text)
+    found = meant(name.rpartition("/")[2], known)
+    return KeyedError(kind, key, f": there is no {what} {show(name)}; {found}.")
 
 
 def picture(

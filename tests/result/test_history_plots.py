@@ -93,17 +93,17 @@ def test_without_names_gap_force_and_energies_are_drawn(bar):
     ("given", "meant"), [("contact_forc", "contact_force"), ("kinetic", "kinetic_energy")]
 )
 def test_unknown_columns_are_told_with_the_nearest(bar, given, meant):
-    with pytest.raises(SceneError, match=f'no column "{given}": did you mean .*{meant}'):
+    with pytest.raises(SceneError, match=f'no column "{given}"; did you mean .*{meant}'):
         bar.plot_history("gap", given)
 
 
 def test_unknown_columns_without_a_near_one_list_all(bar):
-    with pytest.raises(SceneError, match="choose from gap, contact_force"):
+    with pytest.raises(SceneError, match="give one of gap, contact_force"):
         bar.plot_history("qqqqqqq")
 
 
 def test_unknown_figures_are_told_with_the_nearest(bar):
-    with pytest.raises(SceneError, match=r'figure "energie" is none .* give energy'):
+    with pytest.raises(SceneError, match=r'figure "energie" is none .* did you mean "energy"'):
         bar.figure("energie")
 
 

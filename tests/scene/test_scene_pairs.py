@@ -67,7 +67,7 @@ def test_one_body_may_meet_another_at_several_surfaces():
 CONTACTS = {
     "an obstacle and itself": ([("floor", "floor", {})], ["floor cannot meet itself", "name two"]),
     "unknown body": ([("left", "rihgt", {})], ['no "rihgt"', 'did you mean "right"']),
-    "unknown, far": ([("left", "xyz", {})], ['no "xyz"', "Give one of left, middle, right, floor"]),
+    "unknown, far": ([("left", "xyz", {})], ['no "xyz"', "give one of left, middle, right, floor"]),
     "unknown surface": (
         [("left/botom", "right", {})],
         ["contact[0].between", '"left" has no surface "botom"', 'did you mean "bottom"'],

@@ -207,11 +207,11 @@ CASES = {
     # surfaces
     "unknown surface": (
         {"body.0.supports.0.surface": "left"},
-        ['body[0].supports[0].surface = "left"', "give rim"],
+        ['body[0].supports[0].surface = "left"', "give one of rim"],
     ),
     "unknown traction": (
         {"body.0.tractions.0.surface": "top"},
-        ['body[0].tractions[0].surface = "top"', "give rim"],
+        ['body[0].tractions[0].surface = "top"', "give one of rim"],
     ),
     "unknown pressure": ({"body.0.pressures.0.surface": "top"}, ["pressures[0].surface", "rim"]),
     "unknown contact": ({"body.0.contact_surfaces": ["top"]}, ["contact_surfaces[0]", "rim"]),
@@ -220,7 +220,7 @@ CASES = {
     "cut surface": (
         {"body.0.shape": {"kind": "block", "size": [1, 1], "symmetry": ["x"]},
          **NO_LOADS, "body.0.contact_surfaces": ["left"]},
-        ['contact_surfaces[0] = "left"', "right or bottom or top or symmetry_x"],
+        ['contact_surfaces[0] = "left"', "right, bottom, top, symmetry_x"],
     ),
     "two supports": (
         {"body.0.supports": [{"surface": "rim", "kind": "fixed"}] * 2},
