@@ -30,6 +30,9 @@ _FLAT, _CURVED = 1.2, 3.0
 _WIDE = 0.5
 """Share of a body's width from which what touches is a face."""
 
+_LEVEL = 0.01
+"""Rise of a face's nodes over its width; on an arc that touches, more than a fifth is steeper."""
+
 
 def flight_findings(
     scene: Scene, parts: Sequence[tuple[Solid, ElasticSystem, Boundary]], dt: float | None
@@ -95,8 +98,11 @@ def _turned(body: Flyer, blow: Blow, duration: float, gravity: Floats) -> float:
         return angle
     forward = blow.along / slip
     height = -float(weights @ (blow.arms @ normal))
-    # Pressure that moves forward holds against tipping, as far as the face reaches.
-    foot = max(0.0, float((across @ forward).max()))
+    # Pressure that moves forward holds against tipping, as far as the face reaches; what a curve
+    # presses flat beside its lowest place holds little.
+    rise = blow.arms @ normal - float((blow.arms @ normal).min())
+    face = across[rise <= _LEVEL * float(np.linalg.norm(across, axis=1).max())]
+    foot = max(0.0, float((face @ forward).max()))
     lever = max(0.0, blow.friction * height - foot) / blow.friction
     turn = body.inverse @ np.cross(-height * normal, -forward)
     sticks = slip / (1.0 / body.mass + blow.give + height * float(np.linalg.norm(turn)))

@@ -174,6 +174,17 @@ def test_a_body_that_will_turn_far_takes_finite_strain(model):
     assert not [entry for entry in plan.findings if entry.code == "model_rotation"]
 
 
+def test_a_soft_disc_that_friction_rolls_takes_finite_strain():
+    """Its contact, wide as it is, does not hold it as a face would (.47 rad are measured)."""
+    rub = [{"between": ["body", "floor"], "friction_coefficient": 0.3}]
+    keys = {"velocity": [0.05, -0.05], "youngs_modulus": 1.0, "duration": 8.0}
+    tables = solid_scene(**keys).to_dict() | {"contact": rub}
+    plan = impactfem.plan(impactfem.Scene.from_dict(tables))
+    assert plan.strains == ("finite",)
+    (why,) = [text for key, text in plan.reasons.items() if key.startswith("strain of ")]
+    assert "as it meets" in why
+
+
 @pytest.mark.parametrize(
     "case",
     [
