@@ -148,7 +148,7 @@ def test_records_that_do_not_fit_are_refused(tmp_path):
         ({"table": "f.csv"}, 2.0, ["force[0]", "ends at t = 1 s", "lasts 2 s", "duration = 1"]),
         ({"table": "late.csv"}, 1.0, ["begins at t = 0.1 s"]),
         ({"table": "g.csv"}, 1.0, ['in "g"', "in N", "formula"]),
-        ({"table": "f.csv", "column": "g"}, 1.0, ['no column "g"', 'one of f']),
+        ({"table": "f.csv", "column": "g"}, 1.0, ['no column "g"', "one of f"]),
         ({"table": "back.csv"}, 1.0, ["do not ascend", "line 4"]),
         ({"table": "bare.csv"}, 1.0, ["no headings"]),
         ({"table": "none.csv"}, 1.0, ["No such file", str(tmp_path)]),
