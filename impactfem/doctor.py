@@ -20,6 +20,7 @@ from impactfem.result.grids import drawing_fault
 _LIBRARIES = ("numpy", "scipy", "numba", "xarray", "h5py", "matplotlib", "tqdm")
 _EXTRAS = (
     ("pinocchio", "mechanisms need", "robots"),
+    ("clarabel", "whole-body controllers need", "robots"),
     ("casadi", 'objective.solver = "ipopt" needs', "optimise"),
 )
 _WITHOUT = "missing; bars with method exact, bars in a row, points, rods and beams need none"

@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from impactfem.scene.nearest import meant
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import is_number, show
 
+if TYPE_CHECKING:
+    from impactfem.runs.whole_body import WholeBody
+
 type Read = Callable[[], Mapping[str, float]]
 """Tells the columns of the history now (collective)."""
 
@@ -35,7 +38,7 @@ as before afterwards (collective)."""
 _EARLY = 1e-6  # share of a step by which one that ends before a sample counts as at it
 _SHARE = 1e-4  # of a limit, or of what the law gives first, by which a scene is tried
 _STRAIGHT = 1e-3  # share by which answers may differ from those of two states
-_GIVEN = ("controller", "index", "span", "touching")  # what of a loop never changes
+_GIVEN = ("controller", "index", "span", "touching", "whole")  # what of a loop never changes
 _OUTSIDE = 1e-9  # above 1: a radius of rounding
 
 
@@ -60,6 +63,9 @@ class Loop:
         along: That coordinate at the last sample; NaN before.
         hopping: What the hopper remembers that it drives; see `impactfem.runs.hopping`.
         touching: Columns of the forces on its foot.
+        whole: What drives all motors, if this is one of them; see `impactfem.runs.whole_body`.
+        unsolved: Number of samples in which nothing did, so that the last output stayed.
+        slid: Way of feet that stood, the largest of each sample [m].
     """
 
     controller: Controller
@@ -78,6 +84,14 @@ class Loop:
     along: float = math.nan
     hopping: dict[str, float] = field(default_factory=dict)
     touching: tuple[str, ...] = ()
+    whole: "WholeBody | None" = None
+    unsolved: int = 0
+    slid: float = 0.0
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Columns that are fed back."""
+        return self.whole.columns if self.whole is not None else self.controller.measured
 
     @property
     def lag(self) -> int:
@@ -97,6 +111,11 @@ class Loop:
             hopper = Hopping(**self.hopping)  # type: ignore[arg-type]
             found = hopper.output(own, time, self._measured(columns), force)
             self.hopping = vars(hopper)
+        elif self.whole is not None:
+            outputs, moved = self.whole.outputs(time, self._measured(columns))
+            self.unsolved += not outputs
+            self.slid += self.span * moved
+            found = outputs.get(own.acts.split(".")[3], own.held.value)
         else:
             found = self.output(time, self._measured(columns))
         self.waiting.append(self.count(found))
@@ -114,8 +133,8 @@ class Loop:
 
     def _measured(self, columns: Mapping[str, float]) -> Floats:
         own = self.controller
-        found = np.array([columns[name] for name in own.measured])
-        if own.measured[0].endswith(".angle") and own.columns is None:  # counted over turns
+        found = np.array([columns[name] for name in self.measured])
+        if self.measured[0].endswith(".angle") and own.columns is None:  # counted over turns
             ahead = 0.0 if math.isnan(self.turned) else self.turned - found[0]
             self.turned = found[0] = found[0] + 2.0 * np.pi * np.round(ahead / (2.0 * np.pi))
         if own.noise is not None:  # by number: the same after a restart, and on all ranks
@@ -256,12 +275,15 @@ class Feedback:
     def __init__(self, scene: Scene, dt: float, layers: int) -> None:
         """Take them."""
         self._dt, self._layers = dt, layers
-        self.loops = [
-            Loop(part, index, part.sample or dt)
-            for index, each in enumerate(scene.controllers)
-            for part in each.parts
-            if not each.in_steps
-        ]
+        self.loops = list[Loop]()
+        for index, each in enumerate(scene.controllers):
+            whole = None
+            if each.law == "whole_body":
+                from impactfem.runs.whole_body import WholeBody  # noqa: PLC0415  (rarely)
+
+                whole = WholeBody.of(scene, each, each.sample or dt)
+            parts = () if each.in_steps else each.parts
+            self.loops += [Loop(part, index, part.sample or dt, whole=whole) for part in parts]
         for loop in self.loops:
             loop.controller.held.value = 0.0
             if loop.controller.law == "raibert":
@@ -311,7 +333,7 @@ class Feedback:
         """
         for loop in self.loops:
             own = loop.controller
-            for name in own.measured:
+            for name in loop.measured:
                 if name in known:
                     continue
                 at = "columns" if own.columns else "of" if name == own.measured[0] else "rate"
@@ -435,10 +457,28 @@ class Feedback:
             if own.limits is not None and own.law != "bang_bang" and share > 0.0:
                 text = f"its output was at a limit in {percent(share)} of the samples"
                 found.append(Finding("controller", "note", text, own.name))
+            found += _whole_told(loop)
             if own.law in {"implicit_pd", "bang_bang"} and not loop.inertia > 0.0:
                 text = "no acceleration answers its force at t = 0, so that its inertia is unknown"
                 found.append(Finding("controller", "fault", text, own.name, remedy="give inertia"))
         return found
+
+
+def _whole_told(loop: Loop) -> list[Finding]:
+    """What samples of a whole-body controller have met: once, not for each motor."""
+    found = list[Finding]()
+    if loop.whole is None or loop.controller.name != loop.whole.own.parts[0].name:
+        return found
+    own = loop.whole.own
+    if loop.unsolved:
+        text = "nothing fulfilled dynamics, feet, limits and friction in "
+        text += f"{percent(loop.unsolved / loop.samples)} of the samples; its outputs stayed"
+        remedy = "widen limits, or let fewer feet stand"
+        found.append(Finding("controller", "warning", text, own.name, remedy=remedy))
+    if own.feet:
+        text = f"feet that stood, as it was told, moved by {loop.slid:.3g} m in all"
+        found.append(Finding("controller", "note", text, own.name))
+    return found
 
 
 def controlled(scene: Scene, run: Run) -> Run:

@@ -25,6 +25,7 @@ MAX_PIECES = 10_000
 COURSES = ("constant", "linear")
 AXES = "xyz"
 _LOADS = {"traction": "tractions", "pressure": "pressures", "motion": "supports"}
+_IN_JOINT = re.compile(r"(body\.[^.]+)\.joints\.([^.]+)\.motor")
 _ON_SURFACE = re.compile(r"body\.([^.]+)\.(traction|pressure|motion)\.([^.]+)(\.[^.]+)?")
 """`body.NAME.traction.SURFACE.x`: loads by the names of surfaces, of plates of faces and edges."""
 
@@ -232,11 +233,16 @@ def put_into(
 def _loaded(data: dict[str, Any], path: str) -> str:
     """Path of the value of a traction, pressure or motion that is named by its surface.
 
-    Tractions and pressures of which the body has none there are added to the scene, as 0.
+    Tractions and pressures of which the body has none there are added to the scene, as 0, and so
+    are joints of mechanisms that it does not name.
 
     Raises:
         NotAllowedError: There is no such body, or a plate has no such loads.
     """
+    if (joint := _IN_JOINT.fullmatch(path)) and looked_up(data, f"{joint[1]}.kind") == "mechanism":
+        for table in (f"{joint[1]}.joints", f"{joint[1]}.joints.{joint[2]}"):
+            if is_missing(data, table):
+                assign(data, table, {})
     named = _ON_SURFACE.fullmatch(path)
     if named is None:
         return path
@@ -268,7 +274,7 @@ def _present(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]
         kind = looked_up(data, f"{head}.kind") if head.startswith("body.") else head.split(".")[0]
         if last in keys.get(str(kind), ()):
             return 0
-    if head.startswith("joint.") and last == "motor" and is_missing(data, path):
+    if last == "motor" and re.match(r"joint|body\.[^.]+\.joints", path) and is_missing(data, path):
         return 0
     found = looked_up(data, path)
     told = isinstance(found, str) or (isinstance(found, Mapping) and "table" in found)

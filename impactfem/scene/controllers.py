@@ -36,7 +36,8 @@ CUMULATIVE = (
 
 _GAINS = {
     "p": ("kp",), "pd": ("kp", "kd"), "pid": ("kp", "kd", "ki"), "implicit_pd": ("kp", "kd"),
-    "bang_bang": (), "lqr": (), "feedback": (), "raibert": (), "external": (),
+    "bang_bang": (), "lqr": (), "feedback": (), "raibert": (), "whole_body": (),
+    "external": (),
 }  # fmt: skip
 KINDS = tuple(_GAINS)
 # Keys that only some kinds have: which.
@@ -48,12 +49,13 @@ _ONLY: Mapping[str, tuple[str, ...]] = {
     "formula": ("feedback",), "curve": ("bang_bang",), "inertia": ("implicit_pd", "bang_bang"),
     "model": ("lqr",), "weights": ("lqr",), "effort": ("lqr",), "equilibrium": ("lqr",),
     "anti_windup": ("pid",), "body": ("raibert",), "foot": ("raibert",), "hip": ("raibert",),
+    "motors": ("whole_body",), "tasks": ("whole_body",), "feet": ("whole_body",),
 }  # fmt: skip
 _IN_STEPS = ("p", "pd", "feedback", "lqr")
 _RATES = {"q": "v", "angle": "spin", **{f"{a}": f"v{a}" for a in AXES}}
 _RATES |= {f"u{a}": f"v{a}" for a in AXES}
 _ACTED = re.compile(
-    r"joint\.[^.]+\.motor|body\.[^.]+\.joints\.[^.]+\.(motor|control)|"
+    r"joint\.[^.]+\.motor|body\.[^.]+\.motors|body\.[^.]+\.joints\.[^.]+\.(motor|control)|"
     r"body\.[^.]+\.(far_end_force|(force|moment)(\.[xyz012])?)|body\.[^.]+\.(tractions?|pressures?)\..+"
 )
 HIP = "_hip"
@@ -130,6 +132,56 @@ class Hip:
         check_ends(self.heading, "limits", *(self.limits or (0.0, 1.0)))
 
 
+@table("tasks = [{ ... }]")
+class Task:
+    """What a place or joint of a mechanism shall do: y'' = r'' + kp (r - y) + kd (r' - y').
+
+    Raises:
+        SceneError: a value is missing or not allowed.
+    """
+
+    heading: ClassVar[str] = "tasks"
+
+    of: str = key(
+        Line(),
+        "a joint, or x, y or z of a link's origin or of the centre of mass: foot.z, centre.x",
+    )
+    target: AFormula = key(FormulaOf(("t",)), "r, with its derivatives in time", default=0.0)
+    kp: float = key(Real(at_least=0), "gain of the difference", unit="1/s^2", default=0.0)
+    kd: float = key(Real(at_least=0), "gain of the difference of rates", unit="1/s", default=0.0)
+    weight: float = key(Real(above=0), "of its square among those of all tasks", default=1.0)
+
+
+@table("feet = [{ ... }]")
+class Foot:
+    """A link that stands on something, by a point or by a ball that rolls.
+
+    Raises:
+        SceneError: a value is missing or not allowed.
+    """
+
+    heading: ClassVar[str] = "feet"
+
+    link: str = key(Line(), "whose origin is the foot, or the centre of its ball")
+    friction: float = key(Real(above=0), "coefficient that forces keep to, at most the true one")
+    radius: float = key(Real(at_least=0), "of its ball", unit="m", default=0.0)
+    normal: Sequence[float] = key(
+        Vector((3,)), "of what it stands on, towards the foot", default=(0.0, 0.0, 1.0)
+    )
+    stands: AFormula = key(
+        FormulaOf(("t",)), "whether it stands: above 0 it does, else it is free", default=1.0
+    )
+
+    def _check(self) -> None:
+        if not any(self.normal):
+            raise KeyedError(self.heading, "normal", " has no direction: give [0.0, 0.0, 1.0].")
+
+    @property
+    def up(self) -> Floats:
+        """Its normal, of length 1."""
+        return np.asarray(self.normal) / np.linalg.norm(self.normal)
+
+
 @table("[[controller]]")
 class Controller:
     """Feedback of a column of the history to a force or motor.
@@ -146,14 +198,15 @@ class Controller:
         "kp (target - y); with kd (target_rate - y'); with ki times the integral; the same with y "
         "and y' at the end of the sample; the largest force to either side; gains of a linear "
         "model and quadratic cost; a formula; Raibert's for a leg that hops, whose target is the "
-        "height of the body's apex; what `Simulation.step(outputs=...)` sets",
+        "height of the body's apex; motors of a mechanism by least squares of tasks under "
+        "dynamics, limits and cones of friction; what `Simulation.step(outputs=...)` sets",
         name="kind",
     )
     acts: str = key(
         Line(),
         "path of the formula in t that it is added to: joint.J.motor, body.M.joints.J.motor, "
         "body.B.force.x, body.B.moment, body.B.traction.SURFACE.x, body.B.pressure.SURFACE, "
-        "body.B.far_end_force",
+        "body.B.far_end_force; of a whole_body controller body.M.motors",
     )
     of: str | None = key(
         Line(), "column that is fed back, as joint.knee.q or ball.x", default=None, absent="columns"
@@ -213,6 +266,19 @@ class Controller:
         InlineTable((Hip,)), "what swings the leg and holds the body; its output is `NAME_hip.u`",
         default=None, absent="none, as on a rail",
     )  # fmt: skip
+    motors: Sequence[str] | None = key(
+        ListOf(Line(), at_least=1, different=True),
+        "joints of the mechanism that it drives; their outputs are `NAME_JOINT.u`",
+        default=None, absent="none",
+    )  # fmt: skip
+    tasks: Sequence[Task] = key(
+        ListOf(InlineTable((Task,))), "what the mechanism shall do", default=(),
+        absent="none",
+    )  # fmt: skip
+    feet: Sequence[Foot] = key(
+        ListOf(InlineTable((Foot,))), "links that stand on something", default=(),
+        absent="none",
+    )  # fmt: skip
     limits: Sequence[float] | None = key(
         Vector((2,)), "least and largest output", unit="N or N m", default=None, absent="none"
     )
@@ -232,16 +298,15 @@ class Controller:
             if self.law not in laws and self._says(name):
                 text = f" is given, but a {self.law} controller has none: remove it, or take "
                 raise self._fail(name, f"{text}{' or '.join(laws)}.")
-        if not _ACTED.fullmatch(self.acts):
-            text = f" = {show(self.acts)} is no force or motor: give joint.J.motor, "
-            text += "body.B.force.x, body.B.moment, body.M.joints.J.motor, body.B.far_end_force, "
-            raise self._fail("acts", f"{text}or a value of tractions or pressures.")
+        self._check_acts()
         self._check_limits()
         self._check_end()
         if self.delay and not self.sample:
             text = f" = {self.delay:g} s without sample: give sample, of which it is a multiple."
             raise self._fail("delay", text)
-        if self.law == "raibert":
+        if self.law == "whole_body":
+            self._check_whole()
+        elif self.law == "raibert":
             self._check_hopper()
         elif self.law in _ONLY["columns"]:
             self._check_columns()
@@ -251,6 +316,18 @@ class Controller:
             if {given.partition(".")[0], given.rpartition(".")[2]} & {*CUMULATIVE}:
                 text = f" = {show(given)} is known only after the run: give a column of the motion."
                 raise self._fail("columns" if self.columns else "of", text)
+
+    def _check_acts(self) -> None:
+        if not _ACTED.fullmatch(self.acts):
+            text = f" = {show(self.acts)} is no force or motor: give joint.J.motor, "
+            text += "body.B.force.x, body.B.moment, body.M.joints.J.motor, body.B.far_end_force, "
+            raise self._fail("acts", f"{text}or a value of tractions or pressures.")
+        # What acts on all motors has a part for each, of which that joint is the only one.
+        alone = f".joints.{'/'.join(self.motors or ())}.motor"
+        whole = self.acts.endswith((".motors", alone))
+        if (self.law == "whole_body") != whole:
+            text = f" = {show(self.acts)}: whole_body controllers act on body.M.motors, others on "
+            raise self._fail("acts", f"{text}one of them, body.M.joints.J.motor.")
 
     def _check_limits(self) -> None:
         low, high = self.ends
@@ -286,6 +363,13 @@ class Controller:
         if self.noise is not None:
             text = f" of a {self.law} controller would be of lengths, angles and forces at once: "
             raise self._fail("noise", f"{text}remove it.")
+
+    def _check_whole(self) -> None:
+        for name, what in (("motors", "the joints that it drives"), ("tasks", "what to do")):
+            if not getattr(self, name):
+                raise self._fail(name, f" is missing: give {what}.")
+        for joint in self.motors or ():
+            check_formula_name(self.heading, f"{self.name}_{joint}", "give another name")
 
     def _check_columns(self) -> None:
         if self.columns is None:
@@ -350,7 +434,14 @@ class Controller:
 
     @cached_property
     def parts(self) -> tuple["Controller", ...]:
-        """It, and that of its hip: each has one output."""
+        """It, and that of its hip, or of each motor: each has one output."""
+        if self.law == "whole_body" and self.acts.endswith(".motors"):
+            head = self.acts.removesuffix("motors")
+            each = [(joint, f"{head}joints.{joint}.motor") for joint in self.motors or ()]
+            return tuple(
+                replace(self, name=f"{self.name}_{joint}", acts=acts, motors=[joint])
+                for joint, acts in each
+            )
         if self.hip is None or self.law != "raibert" or self.swings:
             return (self,)
         name, hip = f"{self.name}{HIP}", self.hip
@@ -390,6 +481,8 @@ class Controller:
     def _own(self) -> Mapping[str, str]:
         """Columns that the formula it stands in knows, and its words for them."""
         heads = self.acts.split(".")
+        if heads[-1] == "motors":
+            return {}
         if heads[-1] in {"motor", "control"}:
             name = heads[1] if heads[0] == "joint" else f"{heads[1]}.{heads[3]}"
             return {f"{name}.q": "q", f"{name}.v": "v"}
@@ -494,7 +587,7 @@ def fed_back(
             put_into(data, each.acts, each.name, keys)
         except NotAllowedError as error:
             text = f" = {show(each.acts)}: {error}. What it acts on has to stand there, as 0."
-            place = "acts" if each is controllers[index] else "hip.acts"
+            place = "hip.acts" if each.swings else "acts"
             raise KeyedError(f"controller[{index}]", place, text) from None
 
 

@@ -8,6 +8,8 @@ import numpy as np
 from impactfem.arrays import Floats, Integers
 from impactfem.scene import Formula, Mechanism, Scene
 from impactfem.scene.breaks import check_motion
+from impactfem.scene.control import AXES
+from impactfem.scene.controllers import Controller
 from impactfem.scene.jets import motion_at
 from impactfem.scene.means import StepMean
 from impactfem.scene.mechanism import JointStart
@@ -169,13 +171,20 @@ def mechanism_system(scene: Scene, body: Mechanism) -> Arm:
         KeyedError: Its file or the keys of its joints are wrong.
         ConvergenceError: ``place`` cannot be reached.
     """
+    where = f"body[{scene.bodies.index(body)}]"
     try:
         robot = read_mechanism(body, scene.folder)
-        tree, shapes = robot.tree, robot.shapes
+    except KeyedError as error:
+        raise error.moved(where) from None
+    tree, shapes = robot.tree, robot.shapes
+    for index, own in enumerate(scene.controllers):
+        if own.law == "whole_body" and own.acts.split(".")[1] == body.name:
+            _check_whole(own, f"controller[{index}]", tree)
+    try:
         joints, q, v, found = start_of(body, robot)
         _check_driven(body, tree, joints, scene.duration)
     except KeyedError as error:
-        raise error.moved(f"body[{scene.bodies.index(body)}]") from None
+        raise error.moved(where) from None
     if found is not None:
         found.check(body, tree)
     nodes = LinkNodes.of(scene, body, shapes, list(tree.links()))
@@ -220,6 +229,26 @@ def mechanism_system(scene: Scene, body: Mechanism) -> Arm:
         left_out=robot.left_out,
         carriers=nodes.carriers,
     )
+
+
+def _check_whole(own: Controller, where: str, tree: Tree) -> None:
+    """Refuse a controller of all motors that names what the mechanism has not."""
+    joints, frames = list(tree.single), tree.frames()
+    if tree.rates != len(joints):
+        text = f" = {show(own.acts)}: a free base and ball joints have no columns to measure: "
+        text += "give them in the file as sliding and turning joints, without motors."
+        raise KeyedError(where, "acts", text)
+    for joint in own.motors or ():
+        if joint not in joints:
+            raise named(where, "motors", joint, joints, "joint of one degree of freedom")
+    for k, task in enumerate(own.tasks):
+        head, _, axis = task.of.rpartition(".")
+        if task.of not in joints and (axis not in AXES or head not in {"centre", *frames}):
+            known = [*joints, "centre.x", *(f"{frame}.x" for frame in frames)]
+            raise named(where, f"tasks[{k}].of", task.of, known, "joint or place")
+    for k, foot in enumerate(own.feet):
+        if foot.link not in frames:
+            raise named(where, f"feet[{k}].link", foot.link, frames, "link")
 
 
 def start_of(body: Mechanism, robot: Robot) -> tuple[Joints, Floats, Floats, Found | None]:

@@ -207,6 +207,28 @@ class Tree:
         whirl[: 6 * self.free] = 0.0
         return np.asarray(whirl if self._lift is None else whirl @ self._lift)
 
+    def bias(self, q: Floats, v: Floats, gravity: Floats) -> Floats:
+        """Generalised forces by which rates v stay, of a base that is fixed, (v,)."""
+        self.model.gravity.linear = gravity
+        found = self._pin.nonLinearEffects(self.model, self._data, q, self._lifted(v))
+        return self._fixed(q, np.array(found))
+
+    def drifts(self, q: Floats, v: Floats, names: Sequence[str]) -> tuple[Floats, Floats]:
+        """Accelerations while rates v stay, of a base that is fixed.
+
+        Returns:
+            Of the centre of mass (3,), and of frames and their spins, (names, 6).
+        """
+        pin, model, data = self._pin, self.model, self._data
+        own, unchanged = self._lifted(v), np.zeros(model.nv)
+        pin.centerOfMass(model, data, q, own, unchanged)
+        centre = np.array(data.acom[0])
+        pin.forwardKinematics(model, data, q, own, unchanged)
+        pin.updateFramePlacements(model, data)
+        axes, at = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED, model.getFrameId
+        found = [pin.getFrameClassicalAcceleration(model, data, at(n), axes).vector for n in names]
+        return centre, np.array(found).reshape(-1, 6)
+
     def centre(self, q: Floats) -> Floats:
         """Centre of mass [m], (3,)."""
         return np.array(self._pin.centerOfMass(self.model, self._data, q))

@@ -6,7 +6,7 @@ from dataclasses import fields
 from impactfem import scene as language
 from impactfem.scene import Bar, Output, Scene, Solid, Solve, Support, describe
 from impactfem.scene.contacts import Adhesion
-from impactfem.scene.controllers import Hip, LinearModel, Noise
+from impactfem.scene.controllers import Foot, Hip, LinearModel, Noise, Task
 from impactfem.scene.damping import Damping
 from impactfem.scene.drop import Drop
 from impactfem.scene.schema import TableDoc, keys_of
@@ -82,6 +82,8 @@ TABLES = {
     "end_loads = [{ end = ... }]": language.EndLoad,
     "adhesion = { ... }": Adhesion,
     "hip = { ... }": Hip,
+    "tasks = [{ ... }]": Task,
+    "feet = [{ ... }]": Foot,
     "terms = [{ mu = ... }]": language.OgdenTerm,
     'viscoelastic = { kind = "kelvin_voigt" }': language.KelvinVoigt,
     "terms = [{ ... }]": language.MaxwellTerm,
