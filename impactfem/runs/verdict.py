@@ -116,7 +116,9 @@ def _energy(scene: Scene, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
             return lost
     remedy = "take a smaller step or another method"
     text = f"the energy grows by {percent(growth)}, though nothing feeds it"
-    if summary["plan"].get("normals") == "updated":
+    if summary["contact"]["impulse"] == 0.0:
+        text += f" and nothing touches: its steps ({summary['method']}) keep it to their error only"
+    elif summary["plan"].get("normals") == "updated":
         text = f"the energy grows by {percent(growth)}: contact that follows the bodies is right "
         text += "to the first order of step and faces only"
         remedy = f"take {_finer(scene, 'and')}"

@@ -89,12 +89,15 @@ def test_the_size_of_the_error_decides_how_far_to_trust(result, error, level):
         ("updated", 1.1e-6, "care", "contact that follows the bodies"),
         ("fixed", 9e-3, "care", "nothing feeds it"),
         ("updated", 1.1e-2, "do_not_trust", "contact that follows the bodies"),
+        ("aloft", 9e-3, "care", "nothing touches: its steps ("),
         ("fixed", 9e-7, "care", None),  # for want of an estimate
     ],
 )
 def test_growth_of_energy_is_judged_by_its_size(result, normals, growth, level, why):
     summary = {**result.summary, "plan": {**result.summary["plan"], "normals": normals}}
     summary["energy"] = {**summary["energy"], "grows": True, "max_relative_growth": growth}
+    if normals == "aloft":
+        summary["contact"] = {**summary["contact"], "impulse": 0.0}
     found = verdict(Result(result.scene, result.history, summary))
     assert found["level"] == level
     texts = [each["text"] for each in found["findings"] if each["code"] == "energy_growth"]

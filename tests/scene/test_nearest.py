@@ -4,7 +4,8 @@ import re
 
 import pytest
 
-from impactfem.scene import describe
+from impactfem.errors import SceneError
+from impactfem.scene import Joint, describe
 from impactfem.scene.grammar import FUNCTIONS
 from impactfem.scene.nearest import _SAME, nearest
 
@@ -51,6 +52,16 @@ def test_words_of_textbooks_stand_for_what_there_is():
     }
     words |= {"fixed", "sphere", "disc"}  # words of inline tables
     assert {word for words in _SAME.values() for word in words} <= words
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("hinge", "revolute"), ("slider", "prismatic"), ("weld", "fixed"), ("rope", "distance"),
+     ("spherical", "ball"), ("cardan", "universal"), ("pinned", "revolute")],
+)  # fmt: skip
+def test_joints_by_their_other_names(word, meant):
+    with pytest.raises(SceneError, match=f'did you mean "{meant}"'):
+        Joint(kind=word, between=["a", "ground"], point=[0.0, 0.0])
 
 
 def test_what_is_known_is_not_replaced():
