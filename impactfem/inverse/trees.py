@@ -29,6 +29,8 @@ from impactfem.trajectory.tree import Tree
 from impactfem.vibro.event_driven import EventSettings
 
 _UNITS = {"q": "m or rad", "v": "m/s or rad/s", "angle": "rad", "spin": "rad/s"}
+_UNITS |= dict.fromkeys(("x", "y", "z"), "m") | dict.fromkeys(("vx", "vy", "vz"), "m/s")
+_UNITS |= dict.fromkeys(("qw", "qx", "qy", "qz"), "1") | dict.fromkeys(("wx", "wy", "wz"), "rad/s")
 
 
 def is_tree(scene: Scene) -> bool:
@@ -74,7 +76,7 @@ class TreeRuns(EventRuns):
         history = super()._history(scene, model, motion)
         if isinstance(model, TreeModel):
             for name, values in model.columns(motion.position, motion.velocity).items():
-                unit = _UNITS.get(name.rpartition(".")[2], "m" if "v" not in name else "m/s")
+                unit = _UNITS[name.rpartition(".")[2]]
                 history[name] = Series(("time",), values, {"units": unit, "long_name": name})
         return history
 

@@ -16,6 +16,9 @@ from impactfem.marching.layers import Interior, Sums
 from impactfem.marching.stations import Held
 from impactfem.system.joints import Joints
 
+_WAYS = {"q": "v", "x": "vx", "y": "vy", "z": "vz"}
+"""Coordinates of joints and free bases, with their rates."""
+
 
 class Jointed(Joining[Interior], Composite):
     """The interiors of several bodies and their joints as one.
@@ -99,8 +102,9 @@ class Jointed(Joining[Interior], Composite):
         found = super().told()
         if self.ahead:
             for columns in found.values():
-                if "q" in columns:
-                    columns["q"] += self.ahead * columns["v"]
+                for place, rate in _WAYS.items():
+                    if place in columns:
+                        columns[place] += self.ahead * columns[rate]
         return found
 
     def finish(self, static: Floats) -> Sequence[Sums]:

@@ -568,6 +568,8 @@ class MechanismMidpoint(FewInterior):
             turned = self._q[[6, 3, 4, 5]]
             spin = tree.base(self._q) @ self._v[3:6]
             found[f"{name}.{tree.root}"] = {
+                **dict(zip("xyz", self._q[:3].tolist(), strict=True)),
+                **dict(zip(("vx", "vy", "vz"), self._v[:3].tolist(), strict=True)),
                 **dict(zip(("qw", "qx", "qy", "qz"), turned.tolist(), strict=True)),
                 **dict(zip(("wx", "wy", "wz"), spin.tolist(), strict=True)),
             }

@@ -124,6 +124,13 @@ LOST = "lost"
 JOINT_COLUMNS: Mapping[str, tuple[str, str]] = {
     "q": ("rad or m", "position of the joint, counted over turns"),
     "v": ("rad/s or m/s", "its rate"),
+    "x": (
+        "m",
+        (
+            "of a free base of a mechanism: origin of its frame; likewise y, z, with vx, vy, vz, "
+            "rotation qw, qx, qy, qz, angular velocity wx, wy, wz"
+        ),
+    ),
     "force": (
         "N",
         (
@@ -277,6 +284,7 @@ def make_history(columns: Columns) -> Table:
                 (TIE_COLUMN if probe == "force" else None)
                 or (CONTROLLER if part == CONTROLLER_COLUMN else JOINT_COLUMNS.get(part))
                 or PROBE_COLUMNS.get(kind)
+                or (JOINT_COLUMNS["x"] if part in "xyz" else None)
                 or BODY_COLUMNS["qw" if part[0] == "q" else "wx"]  # of a base that turns freely
             )
             series[name] = _series(name, told, unit, text, f"{part} at {probe}")

@@ -15,7 +15,7 @@ from impactfem.scene.grammar import Node
 from impactfem.scene.joints import GROUND
 from impactfem.scene.values import show
 from impactfem.trajectory.symbols import loaded
-from impactfem.trajectory.tree import Freedom, Part, Tree, in_space
+from impactfem.trajectory.tree import Freedom, Part, Tree, in_space, turning_of
 
 if TYPE_CHECKING:
     from impactfem.trajectory.robots import RobotParts
@@ -192,10 +192,9 @@ class _Reader:
         body = next(each for each in self.scene.bodies if each.name == name)
         centre = _centre(body)
         if isinstance(body, RigidBody) and body.dim == 3:
-            raise SceneError(
-                f"body.{name}: flies freely in space; a trajectory knows such bodies in the plane, "
-                "and in space those that joints hold to the ground"
-            )
+            chains[name] = list(range(len(freedoms), len(freedoms) + 7))
+            freedoms += Freedom.free(name, centre, body.quaternion)
+            return
         chains[name] = list(range(len(freedoms), len(freedoms) + len(centre)))
         for k, at in enumerate(centre):
             freedoms.append(
@@ -344,7 +343,7 @@ class _Reader:
     # Columns
 
     def _columns(self) -> dict[str, Any]:
-        tree, found = self.tree, dict[str, Any]()
+        casadi, tree, found = loaded(), self.tree, dict[str, Any]()
         for name, robot in self.robots.items():
             mass = sum(part.mass for part in robot.parts)
             each = [part.mass / mass * tree.centre(part.name) for part in robot.parts]
@@ -368,7 +367,12 @@ class _Reader:
             elif isinstance(body, RigidBody):
                 found |= {f"{body.name}.w{_AXES[k]}": spin[k] for k in range(3)}
         for k, freedom in enumerate(tree.freedoms):
-            found[freedom.name], found[freedom.rate] = tree.q[k], tree.v[k]
+            if freedom.entry < 0:
+                found[freedom.name], found[freedom.rate] = tree.q[k], tree.v[k]
+        for name, four in tree.quaternions.items():
+            length, spin = casadi.norm_2(tree.q[four]), turning_of(tree.q[four]) @ tree.v[four]
+            found |= {f"{name}.q{k}": tree.q[four][i] / length for i, k in enumerate("wxyz")}
+            found |= {f"{name}.w{axis}": spin[k] for k, axis in enumerate(_AXES)}
         return found
 
     def _start_rates(self) -> Floats:

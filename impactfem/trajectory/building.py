@@ -255,6 +255,8 @@ def _named(name: str, _: int) -> str:
 def sizes_of(problem: Problem, guess: Guess) -> Sizes:
     """Sizes of unknowns: from ends and bounds, else from how they act on what has one."""
     states = _said(problem.states, problem.start, problem.end)
+    own = np.array([problem.sizes.get(name, np.nan) for name in problem.states])
+    states = np.where(np.isnan(states), own, states)
     controls = _said(problem.controls, {}, {})
     parameters = np.nan_to_num(_said(problem.parameters, {}, {}), nan=1.0)
     casadi, span = loaded(), guess.duration

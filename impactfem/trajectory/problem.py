@@ -7,6 +7,7 @@ ends, paths c(t, x, u, p) <= 0, and the cost end(T, x(T), p) + int running(t, x,
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,7 @@ class Problem:
         impacts: What the motion strikes; only shooting goes through.
         pairs: Factors >= 0 of products that are 0, one after the other; None: there are none.
         pair_names: For messages.
+        sizes: Of states, where ends and bounds say none, as of angles.
     """
 
     dynamics: Callable[..., Any]
@@ -89,6 +91,7 @@ class Problem:
     impacts: tuple[Impact, ...] = ()
     pairs: Callable[..., Any] | None = None
     pair_names: tuple[str, ...] = ()
+    sizes: Mapping[str, float] = MappingProxyType({})
 
     @classmethod
     def of(

@@ -12,6 +12,7 @@ from impactfem.scene.formula import Formula
 from impactfem.scene.schema import KeyedError
 from impactfem.system.mechanism import motor_of, start_of
 from impactfem.system.mechanism_file import read_mechanism
+from impactfem.trajectory.rotations import quaternion_rates
 from impactfem.trajectory.tree import Freedom, Part
 
 _TURNS = 0.5  # length of an axis of length 1, or of none
@@ -54,7 +55,7 @@ def robot_parts(scene: Scene, body: Mechanism) -> RobotParts:
         acting, q, v, _ = start_of(body, robot)
     except KeyedError as error:
         raise error.moved(f"body[{scene.bodies.index(body)}]") from None
-    _check(body, tree.free, [*tree.followers], tree.rates != len(tree.single))
+    _check(body, [*tree.followers], tree.rates != len(tree.single) + 6 * tree.free)
     if acting.driven or acting.friction.any():
         what = "position: a formula drives it" if acting.driven else "friction: is not smooth"
         names = [n for n, at in tree.single.items() if at in acting.driven or acting.friction[at]]
@@ -66,44 +67,56 @@ def robot_parts(scene: Scene, body: Mechanism) -> RobotParts:
     turns, places = tree.poses(q, order)
     jacobians = tree.jacobians(q, order)
     names = list(model.names)[1:]
+    single = [name for name in names if name in tree.single]
+    at = [tree.single[name] for name in single]
     freedoms, above, parts = list[Freedom](), list[list[int]](), list[Part]()
+    rates = v[at]
+    if tree.free:
+        quaternion = np.roll(q[3:7], 1)
+        freedoms += Freedom.free(f"{body.name}.{tree.root}", places[0], quaternion)
+        spins = quaternion_rates(quaternion, tree.base(q) @ v[3:6])
+        rates = np.concatenate([v[:3], spins, rates])
+    base = len(freedoms)
     for k, name in enumerate(names):
-        along, about = np.split(jacobians[k, :, tree.single[name]], 2)
-        rotates = bool(np.linalg.norm(about) > _TURNS)
-        freedoms.append(
-            Freedom(f"{body.name}.{name}.q", f"{body.name}.{name}.v", rotates,
-                    about if rotates else along, places[k], tree.position(q, name))
-        )  # fmt: skip
+        own = list(range(base))
+        if name in tree.single:
+            own = [len(freedoms)]
+            along, about = np.split(jacobians[k, :, tree.single[name]], 2)
+            rotates = bool(np.linalg.norm(about) > _TURNS)
+            freedoms.append(
+                Freedom(f"{body.name}.{name}.q", f"{body.name}.{name}.v", rotates,
+                        about if rotates else along, places[k], tree.position(q, name))
+            )  # fmt: skip
         hangs = int(model.parents[k + 1]) - 1
-        above.append([*(above[hangs] if hangs >= 0 else []), k])
+        above.append([*(above[hangs] if hangs >= 0 else []), *own])
         inertia = model.inertias[k + 1]
         parts.append(
             Part(f"{body.name}/{name}", (), float(inertia.mass),
                  places[k] + turns[k] @ np.asarray(inertia.lever),
                  turns[k] @ np.asarray(inertia.inertia) @ turns[k].T)
         )  # fmt: skip
-    at = [tree.single[name] for name in names]
     ends = np.array(tree.limits())[:, at].T
     motors = {
-        k: motor for k, name in enumerate(names)
-        if (motor := motor_of(body, robot, name, freedoms[k].start, v[at[k]])) is not None
+        base + k: motor for k, name in enumerate(single)
+        if (motor := motor_of(body, robot, name, freedoms[base + k].start, v[at[k]])) is not None
     }  # fmt: skip
+    none = np.zeros(base)
     return RobotParts(
-        freedoms, above, parts, v[at], [(float(a), float(b)) for a, b in ends], acting.damping[at],
-        np.asarray(model.armature, dtype=float)[at], motors,
+        freedoms, above, parts, rates,
+        [(-np.inf, np.inf)] * base + [(float(low), float(high)) for low, high in ends],
+        np.append(none, acting.damping[at]),
+        np.append(none, np.asarray(model.armature, dtype=float)[at]), motors,
     )  # fmt: skip
 
 
-def _check(body: Mechanism, free: bool, followers: list[str], more: bool) -> None:
+def _check(body: Mechanism, followers: list[str], more: bool) -> None:
     """Refuse what moves in other ways than by a joint of one freedom each.
 
     Raises:
         SceneError: It does.
     """
     why = ""
-    if free:
-        why = "its base flies freely; a trajectory knows mechanisms whose base is fixed"
-    elif followers:
+    if followers:
         why = f"joint {followers[0]} follows another; a trajectory knows joints of their own"
     elif more:
         why = "a joint has several freedoms; a trajectory knows those that turn or slide"

@@ -15,6 +15,7 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.scene import Scene
+from impactfem.trajectory.rotations import quaternion_rates
 from impactfem.trajectory.scenes import Planned
 
 TOUCHING = "contact_implicit", "hybrid"  # that know forces of contact
@@ -180,8 +181,18 @@ def _at_nodes(planned: Planned, result: Any) -> Floats:
     """States of a run at the nodes (N + 1, n); straight between its rows."""
     found, history = planned.found, result.history
     time = np.asarray(history["time"].values)
-    columns = [np.asarray(history[name].values) for name in found.states]
-    return np.array([np.interp(found.times, time, values) for values in columns]).T
+
+    def read(*names: str) -> Floats:
+        values = [np.asarray(history[name].values) for name in names]
+        return np.array([np.interp(found.times, time, each) for each in values]).T
+
+    states = {name: read(name)[:, 0] for name in found.states if name in history}
+    turning = [name.removesuffix(".qw_rate") for name in found.states if name.endswith("qw_rate")]
+    for name in turning:
+        turns = read(*(f"{name}.q{letter}" for letter in "wxyz"))
+        rates = quaternion_rates(turns, read(*(f"{name}.w{axis}" for axis in "xyz")))
+        states |= {f"{name}.q{letter}_rate": rates[:, k] for k, letter in enumerate("wxyz")}
+    return np.array([states[name] for name in found.states]).T
 
 
 def _apart(planned: Planned, one: Floats, two: Floats) -> float:

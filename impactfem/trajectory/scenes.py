@@ -20,10 +20,12 @@ from impactfem.trajectory.contacts import Closing, closings
 from impactfem.trajectory.modes import hybrid
 from impactfem.trajectory.problem import Problem, Row
 from impactfem.trajectory.resimulated import by_events
+from impactfem.trajectory.rotations import asked_rotations, rotation_rows, turned
 from impactfem.trajectory.symbols import loaded
 from impactfem.trajectory.touching import touching
 from impactfem.trajectory.transcribing import Transcribed, solved
 from impactfem.trajectory.transcriptions import transcription_of
+from impactfem.trajectory.tree import turning_of
 
 _COLUMN = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 _REST = (0.0, 0.0)
@@ -95,7 +97,7 @@ def trajectory(scene: Scene | str | Path) -> Planned:
         raise SceneError("control: nothing may vary; give a [[control]] with name and acts")
     asked = _Asked(scene, wanted, symbolic(scene))
     problem, known = asked.problem(), asked.known
-    starts = {control.name: control.values for control in scene.controls}
+    starts = {control.name: control.values for control in scene.controls} | asked.turned
     if wanted.transcription == "hybrid":
         settings = wanted.nodes, wanted.refine or 0.0, wanted.max_iterations
         found, fine = hybrid(known, asked.gaps, problem, wanted.modes, settings, starts)
@@ -198,15 +200,26 @@ class _Asked:
         limited = casadi.Function("path", [t, x, u], [casadi.vertcat(*(e for _, e in paths))])
         shot = transcription not in {"contact_implicit", "hybrid"}
         impacts = tuple(each.impact(known) for each in self.struck) if shot else ()
-        span = self.wanted.duration or (self.scene.duration,)
         return Problem.of(
-            rate, states, controls, (), (span[0], span[-1]), start, end,
+            rate, states, controls, (), self.duration, start, end,
             running=running, final=final, path=limited if paths else None,
             path_names=tuple(name for name, _ in paths),
             start_rows=tuple(start_rows), end_rows=tuple(end_rows),
             impacts=impacts,
-            pairs=pairs, pair_names=pair_names,
+            pairs=pairs, pair_names=pair_names, sizes=self._turns(),
         )  # fmt: skip
+
+    def _turns(self) -> dict[str, float]:
+        """Sizes of what turns: a radian in all the time."""
+        turning = [f for f in self.known.tree.freedoms if f.turns or f.entry >= 0]
+        rate = 1.0 / self.duration[1]
+        return {f.name: 1.0 for f in turning} | {f.rate: rate for f in turning}
+
+    @property
+    def duration(self) -> tuple[float, float]:
+        """Least and largest [s]."""
+        span = self.wanted.duration or (self.scene.duration,)
+        return span[0], span[-1]
 
     def _column(self, key: str, name: str) -> Any:
         if name not in self.known.columns:
@@ -233,6 +246,7 @@ class _Asked:
         states, rows = dict(begun), list[Row]()
         if side == "end":
             given = self._rest(given) | given
+            rows += self._rotated(given)
         for name, limits in given.items():
             column = self._column(side, name)
             one = self._as_state(column)
@@ -243,11 +257,43 @@ class _Asked:
         self._check_held(side, rows, given)
         return {n: v for n, v in states.items() if np.isfinite(v).any()}, rows
 
+    def _rotated(self, given: dict[str, tuple[float, float]]) -> list[Row]:
+        """Rows of rotations at the end, whose columns are taken out of what is given."""
+        self.rotations = asked_rotations(self.known.tree, given)
+        for name in self.rotations:
+            for letter in "wxyz":
+                del given[f"{name}.q{letter}"]
+        return [
+            row for name, wanted in self.rotations.items()
+            for row in rotation_rows(name, self.known.tree, wanted, self.x)
+        ]  # fmt: skip
+
+    @property
+    def turned(self) -> dict[str, Floats]:
+        """Ways and rates of quaternions to begin with, by the states that they are."""
+        found, known = dict[str, Floats](), self.known
+        duration = float(np.sqrt(np.prod(self.duration)))
+        for name, wanted in self.rotations.items():
+            four = known.tree.quaternions[name]
+            start = np.array([each.start for each in known.tree.freedoms[four]])
+            spin = np.asarray(loaded().evalf(turning_of(start))) @ known.start[four]
+            way = turned(start, wanted, spin)
+            rates = np.gradient(way, duration / (len(way) - 1), axis=0)
+            found |= dict(zip(self.names[four], way.T, strict=True))
+            found |= {f"{state}_rate": rates[:, k] for k, state in enumerate(self.names[four])}
+        return found
+
     def _check_held(self, side: str, rows: Sequence[Row], given: Mapping[str, Any]) -> None:
         """Refuse a start that is said of what follows from coordinates that are held."""
         if side == "start" and rows:
+            name = rows[0].name.partition(" ")[0]
+            if name.rpartition(".")[0] in self.known.tree.quaternions:
+                raise SceneError(
+                    f"trajectory.start.{name}: how a body is turned and spins at t = 0 is the "
+                    "body's to say: give its orientation and angular velocity, and leave this out"
+                )
             raise SceneError(
-                f"trajectory.start.{rows[0].name.partition(' ')[0]}: follows from "
+                f"trajectory.start.{name}: follows from "
                 f"{', '.join(n for n in self.names if n not in given)}; give these"
             )
 
@@ -255,9 +301,9 @@ class _Asked:
         """Rates that end at 0: those of coordinates that are said, without a word on their own."""
         found = {}
         for name in given:
-            rate = _rate_of(name)
-            if rate is not None and rate in self.known.columns and rate not in given:
-                found[rate] = _REST
+            for rate in _rates_of(name):
+                if rate in self.known.columns and rate not in given:
+                    found[rate] = _REST
         self.rests = list(found)
         return found
 
@@ -342,11 +388,12 @@ def _moved(limits: tuple[float, float], one: tuple[int, float, float]) -> tuple[
     return low, high
 
 
-def _rate_of(column: str) -> str | None:
-    """Column of the rate of one."""
+def _rates_of(column: str) -> list[str]:
+    """Columns of the rates of one."""
     head, _, last = column.rpartition(".")
-    rate = {"x": "vx", "y": "vy", "z": "vz", "angle": "spin", "q": "v"}.get(last)
-    return None if rate is None else f"{head}.{rate}"
+    turning = dict.fromkeys(("qw", "qx", "qy", "qz"), ("wx", "wy", "wz"))
+    rates = {"x": ("vx",), "y": ("vy",), "z": ("vz",), "angle": ("spin",), "q": ("v",)} | turning
+    return [f"{head}.{rate}" for rate in rates.get(last, ())]
 
 
 def _letters(number: int) -> str:

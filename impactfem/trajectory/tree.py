@@ -3,6 +3,10 @@
 A body's place is a product of exponentials of the motions between it and the ground: each turns
 about an axis, or slides along one, as these lie at t = 0 (Brockett 1984). M is the sum of
 m J^T J + W^T I W, and the inertial forces are d/dt(M v) - d(v^T M v / 2)/dq.
+
+What turns freely in space has the four numbers of a quaternion q as coordinates, of which q/|q| is
+its rotation. An inertia along q, of which that is independent, makes M regular: (|q|^2)'' = 0, so
+that q stays as long as it is at the start.
 """
 
 from collections.abc import Sequence
@@ -26,6 +30,8 @@ class Freedom:
         axis: At t = 0, of length 1 (3,).
         point: On the axis at t = 0 (3,).
         start: Coordinate at t = 0 [rad or m].
+        entry: Which number of a quaternion it is, w first, that turns about the point; else -1.
+            Columns have these of length 1.
     """
 
     name: str
@@ -34,6 +40,25 @@ class Freedom:
     axis: Floats
     point: Floats
     start: float
+    entry: int = -1
+
+    @classmethod
+    def free(cls, name: str, point: Floats, quaternion: Floats) -> "list[Freedom]":
+        """Of what flies: along three axes, then a quaternion, of which all four turn it at once.
+
+        Args:
+            name: Of the body.
+            point: Of it, where it is at t = 0 (3,).
+            quaternion: At t = 0 (4,).
+        """
+        ways = zip("xyz", np.eye(3), point, strict=True)
+        turns = zip("wxyz", quaternion, range(4), strict=True)
+        return [
+            *(cls(f"{name}.{k}", f"{name}.v{k}", False, axis, np.zeros(3), float(at))
+              for k, axis, at in ways),
+            *(cls(f"{name}.q{k}", f"{name}.q{k}_rate", False, np.zeros(3), point, float(at), entry)
+              for k, at, entry in turns),
+        ]  # fmt: skip
 
 
 @dataclass
@@ -90,7 +115,16 @@ class Tree:
         for k in moved:
             freedom, axis = self.freedoms[k], casadi.DM(self.freedoms[k].axis)
             way = self.q[k] - freedom.start
-            if freedom.turns:
+            if freedom.entry >= 0:
+                if freedom.entry == 0:
+                    four = slice(k, k + 4)
+                    begun = casadi.DM([each.start for each in self.freedoms[four]])
+                    spins[:, four] = turn @ turning_of(self.q[four])
+                    rotation = _turned(self.q[four]) @ _turned(begun).T
+                    point = casadi.DM(freedom.point)
+                    shift = shift + turn @ (point - rotation @ point)
+                    turn = turn @ rotation
+            elif freedom.turns:
                 spins[:, k] = turn @ axis
                 rotation, point = _rotation(freedom.axis, way), casadi.DM(freedom.point)
                 shift = shift + turn @ (point - rotation @ point)
@@ -160,7 +194,25 @@ class Tree:
                 turn, _, spins = self._poses[name]
                 own = turn.T @ spins
                 total += own.T @ casadi.DM(part.inertia) @ own
+        for four in self.quaternions.values():
+            size = sum(self._turned(part, four.start) for part in self.parts.values())
+            total[four, four] += size * (self.q[four] @ self.q[four].T)
         return total
+
+    @property
+    def quaternions(self) -> dict[str, slice]:
+        """Where those stand among the coordinates that turn what has a name."""
+        return {
+            each.name.rpartition(".")[0]: slice(k, k + 4)
+            for k, each in enumerate(self.freedoms) if each.entry == 0
+        }  # fmt: skip
+
+    def _turned(self, part: Part, first: int) -> float:
+        """About the inertia of a body as a quaternion turns it [kg m^2]."""
+        if first not in part.freedoms:
+            return 0.0
+        arm = part.centre - self.freedoms[first].point
+        return float(np.trace(part.inertia) + part.mass * arm @ arm)
 
     def force(self) -> Any:
         """M v', (d,): what pushes, less inertial forces."""
@@ -184,6 +236,24 @@ def _solved(matrix: Any, right: Any) -> Any:
     casadi = loaded()
     factors, diagonal, order = casadi.ldl(matrix)
     return casadi.ldl_solve(right, factors, diagonal, order)
+
+
+def _turned(quaternion: Any) -> Any:
+    """Rotation by a quaternion of any length, (3, 3)."""
+    casadi = loaded()
+    w, v = quaternion[0], quaternion[1:]
+    across = casadi.skew(v)
+    square = casadi.sumsqr(quaternion)
+    return casadi.SX.eye(3) + 2 * (w * across + across @ across) / square
+
+
+def turning_of(quaternion: Any) -> Any:
+    """What makes rates of a quaternion an angular velocity along fixed axes, (3, 4)."""
+    casadi = loaded()
+    quaternion = casadi.SX(quaternion)
+    w, v = quaternion[0], quaternion[1:]
+    turns = casadi.horzcat(-v, w * casadi.SX.eye(3) + casadi.skew(v))
+    return 2 * turns / casadi.sumsqr(quaternion)
 
 
 def _rotation(axis: Floats, angle: Any) -> Any:

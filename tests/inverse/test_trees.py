@@ -5,6 +5,7 @@ import pytest
 
 import impactfem
 from impactfem import Scene, SceneError
+from impactfem.inverse.trees import TreeRuns
 from impactfem.inverse.varied import Varied
 from impactfem.trajectory.contacts import _TreeSystem
 
@@ -158,6 +159,36 @@ class TestClosedForms:
         assert found.objective == pytest.approx(3.0, rel=1e-7)  # all that the motor gave
         assert found.gradient["push"] == pytest.approx(1.0, rel=1e-6)
         assert late < 1.0
+
+
+@pytest.mark.slow
+def test_a_body_that_turns_freely_in_space():
+    """Two measures of a spin that a moment changes by push (1 - cos t) / I, I by the mass."""
+    inertia, share = 2.0 / 12.0 * (0.2**2 + 0.3**2), 1.0 - np.cos(1.0)
+    scene = Scene.from_dict({
+        "title": "box", "duration": 1.0, "gravity": [0.0, 0.0, -9.81],
+        "body": [{"kind": "rigid", "name": "box", "mass": 2.0, "velocity": [1.0, 0.0, 4.9],
+                  "shape": {"kind": "block", "size": [0.2, 0.3, 0.4]},
+                  "angular_velocity": [0.0, 0.0, 1.0], "moment": ["0", "0", "push * sin(t)"]}],
+        "parameter": [{"name": "push", "start": 0.3}, {"name": "m", "key": "body.box.mass"}],
+        "measure": [{"name": "w", "of": "box.wz", "at": 1.0},
+                    {"name": "q", "of": "box.qz", "at": 1.0}],
+        "objective": {"minimise": [{"term": "value", "of": "w"}, {"term": "value", "of": "q"}]},
+    })  # fmt: skip
+    turned = 1.0 - np.sin(1.0)  # of the moment, twice over time
+
+    def told(push, m):
+        rate = push / (inertia * m / 2.0)
+        return 1.0 + rate * share + np.sin(0.5 * (1.0 + rate * turned))
+
+    found = impactfem.gradient(scene)
+    at = np.array([0.3, 2.0])
+    assert found.objective == pytest.approx(told(*at), rel=1e-9)
+    slope = [found.gradient[name] for name in ("push", "m")]
+    assert slope == pytest.approx(differences(told, at), rel=1e-6)
+    history = TreeRuns(None).outcome(scene, np.array([0.0, 1.0])).history
+    units = [history[f"box.{name}"].attrs["units"] for name in ("x", "vx", "qw", "wx")]
+    assert units == ["m", "m/s", "1", "rad/s"]
 
 
 def test_restitution_and_damping_from_a_record():
