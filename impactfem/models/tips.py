@@ -78,8 +78,9 @@ def _inside(part: "SolidPart", place: Floats, where: str) -> HeldRegion:
     found = locate(system, part.solid, place)
     if not isinstance(found, Located):
         near = ", ".join(f"{x:.6g}" for x in found)
-        text = f" = {show(place.tolist())} is outside of {part.solid.name}, its nearest node at"
-        raise KeyedError(where, "point", f"{text} [{near}]: give a place in it.")
+        text = f" = {show(place.tolist())} is outside of {part.solid.name} by "
+        text += f"{np.linalg.norm(found - place):.3g} m, near its place [{near}]: give one in it."
+        raise KeyedError(where, "point", text)
     order = np.argsort(found.numbers)
     order = order[np.abs(found.values[order]) > _NONE]
     numbers = found.numbers[order]

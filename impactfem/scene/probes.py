@@ -1,5 +1,6 @@
 """Probes of a scene: places whose motion is kept in the history."""
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
@@ -68,8 +69,10 @@ def outside(index: int, probe: Probe, near: Iterable[float]) -> SceneError:
         probe: The probe.
         near: A place of the body near it [m].
     """
-    place = ", ".join(f"{value:.6g}" for value in near)
+    known = list(near)
+    place = ", ".join(f"{value:.6g}" for value in known)
     return SceneError(
         f"probe[{index}].point = {show(list(probe.point))} is outside the body "
-        f"{show(probe.body)}: the nearest point that is known is [{place}]; give a place in it"
+        f"{show(probe.body)}: the nearest point that is known is [{place}], "
+        f"{math.dist(known, probe.point):.3g} m away; give a place in it"
     )

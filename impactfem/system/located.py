@@ -17,7 +17,7 @@ from impactfem.system.materials import CellMaterials, law_rows, materials_of
 from impactfem.system.true_stress import TrueStress
 
 OUTSIDE = 0.05
-"""Share of a cell by which a place may lie outside: meshes cut corners off round bodies."""
+"""Share of a cell's size by which a place may lie outside: meshes cut corners off round bodies."""
 
 _ROUNDING = 1e-9  # share of a cell below which a place is in it
 _NEAR = 12  # cells by their middles among which that of a place is sought
@@ -59,7 +59,7 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         point: [m], shape (dim,).
 
     Returns:
-        Where it lies, or the nearest node [m], shape (dim,), if it is outside.
+        Where it lies, or a place of the body near it [m], shape (dim,), if it is outside.
     """
     nodes, comm = system.nodes, system.comm
     mesh = nodes.space.mesh
@@ -70,25 +70,12 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     cells = np.asarray(nodes.space.dofmap.list[:owned])
     cell = _Cell(mesh.topology.cell_type.name, int(nodes.space.ufl_element().degree))
-    corners = places[cells]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    room = 0.2 * (high - low)
-    near = np.flatnonzero(((point >= low - room) & (point <= high + room)).all(axis=1))
-    found = []
-    for index in near:
-        at = cell.inverse(corners[index], point)
-        if at is not None and cell.excess(at) <= OUTSIDE:
-            beside = cell.excess(at) > _ROUNDING
-            found.append((beside, int(mesh.topology.original_cell_index[index]), int(index), at))
+    found, known = _cells_about(point, places, cells, cell, mesh.topology.original_cell_index)
     best = min(found, key=lambda entry: entry[:2], default=None)
-    # The same cell on any number of ranks.
-    asked = (2, 0, comm.rank) if best is None else (int(best[0]), best[1], comm.rank)
+    asked = (math.inf, 0, comm.rank) if best is None else (best[0], best[1], comm.rank)
     winner = min(comm.allgather(asked))
-    if winner[0] == 2:
-        apart = np.linalg.norm(places - point, axis=1)
-        mine = int(np.argmin(apart))
-        told = comm.allgather((float(apart[mine]), places[mine].tolist()))
-        return np.asarray(min(told)[1])
+    if winner[0] == math.inf:
+        return np.asarray(min(comm.allgather(min(known)))[1])
     answer, every = None, materials_of(nodes, solid)
     if comm.rank == winner[2] and best is not None:
         own, at = cells[best[2]], cell.clipped(best[3])
@@ -112,6 +99,37 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         answer = Located(nodes.numbers[own], basis, stress, law, residual)
     located: Located = comm.bcast(answer, root=winner[2])
     return replace(located, cell=None if answer is None or best is None else best[2])
+
+
+def _cells_about(
+    point: Floats, places: Floats, cells: Integers, cell: "_Cell", numbers: Integers
+) -> tuple[list[tuple[float, int, int, Floats]], list[tuple[float, list[float]]]]:
+    """Cells in which a point lies, or next to it, and places of the body near it.
+
+    Returns:
+        Of each cell how far outside the point is, as a share of its size, its number on all ranks
+        and on this one, and the place in it; of each place how far it is, and where [m].
+    """
+    corners = places[cells]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    room = 0.2 * (high - low) + OUTSIDE * (high - low).max(axis=1, keepdims=True)
+    near = np.flatnonzero(((point >= low - room) & (point <= high + room)).all(axis=1))
+    apart = np.linalg.norm(places - point, axis=1)
+    mine = int(np.argmin(apart))
+    known, found = [(float(apart[mine]), places[mine].tolist())], []
+    for index in near:
+        at = cell.inverse(corners[index], point)
+        if at is None:
+            continue
+        foot = cell.basis(cell.clipped(at))[0] @ corners[index]
+        away = float(np.linalg.norm(foot - point))
+        known.append((away, foot.tolist()))
+        beside = away / cell.size(corners[index])
+        if beside <= OUTSIDE or cell.excess(at) <= OUTSIDE:
+            # To rounding, so that it is the same cell on any number of ranks.
+            away = round(beside, 9) if cell.excess(at) > _ROUNDING else 0.0
+            found.append((away, int(numbers[index]), int(index), at))
+    return found, known
 
 
 def followed(system: ElasticSystem, places: Floats) -> tuple[Integers, Floats]:
@@ -191,6 +209,13 @@ class _Cell:
             if np.abs(at).max() > 10.0:
                 return None
         return at if np.abs(step).max() < 1e-9 else None
+
+    def size(self, corners: Floats) -> float:
+        """Edge of a cube of its volume, or of a square [m]."""
+        dim = corners.shape[1]
+        _, grads = self.basis(np.full(dim, 1.0 / (dim + 1) if self.is_simplex else 0.5))
+        share = 1.0 / math.factorial(dim) if self.is_simplex else 1.0
+        return float((share * abs(np.linalg.det(corners.T @ grads))) ** (1.0 / dim))
 
     def excess(self, at: Floats) -> float:
         """How far outside a reference place lies; <= 0 inside."""

@@ -96,8 +96,34 @@ def test_a_place_of_a_flying_body_moves_with_it(method):
 
 def test_a_place_outside_a_solid_is_refused_by_its_plan():
     case = solid("plane_strain", "plane", [0.7, 0.53])
-    with pytest.raises(SceneError, match=r"probe\[0\].point = \[0.7, 0.53\] is outside .*nearest"):
+    words = r"probe\[0\].point = \[0.7, 0.53\] is outside .*nearest .*0\.5\], 0\.03\d* m away"
+    with pytest.raises(SceneError, match=words):
         impactfem.plan(case)
+
+
+@pytest.mark.parametrize("cells", ["simplex", "hexahedron"])
+def test_the_corner_of_a_thin_strip_may_be_told_by_its_cells(cells):
+    """A turned strip a hundred times as long as thick: four digits are a tenth of its thickness."""
+    length, thick, turn = 0.1, 3e-4, 0.3
+    shape = {"kind": "block", "size": [length, thick], "angle": turn}
+    body = {"kind": "solid", "name": "strip", "model": "plane_strain", "mesh_size": 0.02,
+            "shape": shape, "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.3,
+            "cells": cells, "degree": 1, "velocity": ["x", "y"]}  # fmt: skip
+    c, s = np.cos(turn), np.sin(turn)
+    arm = 0.5 * np.array([c * length - s * thick, s * length + c * thick])
+    corner = np.array([0.5 * length, 0.5 * thick]) + arm
+
+    def found(point):
+        probe = {"name": "tip", "body": "strip", "point": list(point), "quantities": ["velocity"]}
+        scene = {"title": "strip", "duration": 1e-3, "body": [body], "probe": [probe],
+                 "solve": {"dt": 1e-3, "estimate": False}, "output": {"fields": []}}  # fmt: skip
+        history = impactfem.solve(Scene.from_dict(scene)).history
+        return [history[f"tip.{name}"].values[0] for name in ("vx", "vy")]
+
+    assert np.abs(corner - corner.round(4)).max() > 0.05 * thick
+    assert found(corner.round(4)) == pytest.approx(corner, abs=5e-5)
+    with pytest.raises(SceneError, match=r"is outside .* 0\.00021\d m away"):
+        found(corner + 0.5 * thick * np.array([1.0, 1.0]))
 
 
 def test_bars_tell_their_waves_in_every_layer_whatever_is_kept():

@@ -124,6 +124,28 @@ def test_a_static_start_pulls_all_layers_alike(tmp_path):
     assert moved == pytest.approx(pull * (0.5 / 1.0 + 0.7 / 8.0), rel=1e-9)
 
 
+@pytest.mark.parallel(1)
+def test_stresses_of_small_and_finite_strain_are_one_where_strains_are_tiny(tmp_path):
+    """In motion, of two groups, at any step: apart by strains. Contact moves mass otherwise."""
+    pull = 1e-7
+    probes = [{"name": name, "body": "strip", "point": [x, 0.1], "quantities": ["stress"]}
+              for name, x in (("near", 0.3), ("far", 0.8))]  # fmt: skip
+    both = []
+    for strain in ("small", "finite"):
+        scene = strip(
+            tmp_path, 4, velocity=[0.0, 0.0], solve={"method": "conserving", "dt": 0.2},
+            strain=strain, poisson_ratio=0.3, contact_surfaces=None,
+            supports=[{"surface": "left", "kind": "fixed"}],
+            tractions=[{"surface": "right", "value": [pull, 0.0]}],
+        )  # fmt: skip
+        given = scene.to_dict() | {"probe": probes, "obstacle": []}
+        both.append(impactfem.solve(Scene.from_dict(given)).history)
+    for name in ("near.sxx", "near.syy", "far.sxx", "far.szz"):
+        size = np.abs(both[0][name].values).max()
+        assert size > 0.01 * pull
+        assert np.abs(both[1][name].values - both[0][name].values).max() < 100.0 * pull * size
+
+
 def part_of(folder, **body):
     scene = strip(folder, 4, strain="finite", **body)
     return solids_model(scene, (body.get("degree", 1),)).parts[0]
