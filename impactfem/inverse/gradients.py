@@ -285,8 +285,7 @@ def _bends(varied: Varied, at: Floats, told: Slopes, seed: int) -> list[str]:
     a step: its slope, however right, may be that of a wrinkle. Where no run without these is known,
     parabolas through runs beside tell.
     """
-    meshed = not METHODS[varied.chosen.method].exact
-    if not meshed or varied.runs.reference(varied.scene) is not None:
+    if not varied.wrinkles:
         return []
     way, of = _FAR * _way(varied, at, seed), varied.quantities
     for a, b in ((1.0, -1.0), (1.0, 0.5), (-1.0, -0.5)):

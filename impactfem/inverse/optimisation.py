@@ -12,13 +12,12 @@ from impactfem.arrays import Floats
 from impactfem.errors import SceneError
 from impactfem.inverse.gradients import TaylorCheck, check_as_dict, kinks, taylor_check
 from impactfem.inverse.search import Iteration, begun
-from impactfem.inverse.solvers import CONSTRAINED, SOLVERS, Problem
+from impactfem.inverse.solvers import CONSTRAINED, Problem, searched
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
 
 _AGREES = 1e-6  # share of J by which a plan of the answer's own may tell another
 _STATIONARY = 1e-4  # of the first gradient, below which the last one counts as none
-_KEPT = 1e-6  # share of a limit by which it may be passed
 
 
 @dataclass(frozen=True)
@@ -122,23 +121,23 @@ def optimise(
     wanted = varied.scene.objective
     solver = _solver(varied)
     problem = Problem(search)
-    best, success, message = SOLVERS[solver](problem)
+    best, success, message = searched(problem, solver)
     told = varied.jacobian(best)
     doubts = [*told.doubts, *kinks(varied, told, valley=True)]
     q, slope = told.numbers, varied.quantities.slope(told.numbers) @ told.jacobian
     seed = 0 if wanted is None else wanted.seed
     check = replace(taylor_check(varied, best, q, slope, seed), margin=told.margin)
-    limited, kkt, multipliers = _stationarity(varied, best, q, told.jacobian, slope)
+    limited, kkt, multipliers = _stationarity(problem, best, q, told.jacobian, slope)
     first, last = search.tried[0], varied.quantities.objective(q)
     size = max(abs(first.objective), abs(last), 1e-300)
     verified, others = varied.verified(best, (first.objective, last), _AGREES * size)
     doubts += others
-    doubts += _passed(varied, limited)
+    doubts += _passed(problem, limited)
     if search.failures and not success:
         doubts.append(f"{len(search.failures)} runs failed, the last one: {search.failures[-1]}")
     if not success:
         doubts.append(f"the search ended without success: {message}")
-    elif kkt > _STATIONARY * max(first.gradient_norm, size):
+    elif kkt > _STATIONARY * max(first.gradient_norm, size) and not problem.settled:
         doubts.append(
             f"the search ended, but the objective still falls: its gradient is {kkt:.3g}, "
             f"{first.gradient_norm:.3g} at the start; at a kink of it there is no smaller one"
@@ -159,7 +158,11 @@ def optimise(
         iterations=tuple(search.tried),
         check=check,
         doubts=tuple(doubts),
-        notes=(*varied.quantities.notes, *_plateau(varied, best, q, told.jacobian)),
+        notes=(
+            *varied.quantities.notes,
+            *_plateau(varied, best, q, told.jacobian),
+            *filter(None, [problem.settled]),
+        ),
         forward_runs=varied.forward - varied.sloped,
         gradient_runs=varied.sloped,
         resumed=0 if varied.kept is None else varied.kept.taken,
@@ -189,12 +192,13 @@ def _solver(varied: Varied) -> str:
 
 
 def _stationarity(
-    varied: Varied, at: Floats, q: Floats, jacobian: Floats, slope: Floats
+    problem: Problem, at: Floats, q: Floats, jacobian: Floats, slope: Floats
 ) -> tuple[Floats, float, Floats]:
     """Limited terms, what is left of the Lagrangian's gradient, and multipliers of the limits.
 
     Multipliers are those with which least is left, of the sign that their limit asks for.
     """
+    varied = problem.varied
     limited, slopes = varied.quantities.limited(q)
     scaled, count = slope * varied.scales, len(varied.quantities.limits)
     low, high = varied.limits
@@ -204,9 +208,7 @@ def _stationarity(
     if not count:
         return limited, float(np.abs(scaled[free]).max(initial=0.0)), multipliers
     rows = slopes @ jacobian * varied.scales
-    limits = np.array([each.limits for each in varied.quantities.limits])
-    room = _KEPT * (1.0 + np.abs(limited))
-    at_most, at_least = limited >= limits[:, 1] - room, limited <= limits[:, 0] + room
+    at_least, at_most = (room <= 1.0 for room in problem.room(limited))
     # L = J + sum of multipliers times terms: >= 0 at an upper limit, <= 0 at a lower one.
     bounds = np.where(at_least, -np.inf, 0.0), np.where(at_most, np.inf, 0.0)
     held = at_most | at_least
@@ -229,12 +231,11 @@ def _plateau(varied: Varied, at: Floats, q: Floats, jacobian: Floats) -> list[st
     return [f"{text}elsewhere; begin there"]
 
 
-def _passed(varied: Varied, limited: Floats) -> list[str]:
+def _passed(problem: Problem, limited: Floats) -> list[str]:
     """Limits that the answer passes, in words."""
-    found = []
-    for value, limit in zip(limited.tolist(), varied.quantities.limits, strict=True):
-        low, high = limit.limits
-        beyond = max(low - value, value - high)
-        if beyond > _KEPT * max(1.0, abs(value)):
-            found.append(f"{limit.term} = {value:.6g} passes its limits {low:g} and {high:g}")
-    return found
+    each = zip(problem.varied.quantities.limits, limited, *problem.room(limited), strict=True)
+    return [
+        f"{limit.term} = {value:.6g} passes its limits {limit.limits[0]:g} and {limit.limits[1]:g}"
+        for limit, value, below, above in each
+        if min(below, above) < -1.0
+    ]

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,8 @@ from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.residuals import Residuals
 from impactfem.inverse.search import Search
 
+_KEPT = 1e-6  # share of a term, or of its size, by which it may pass its limits
+_LATELY, _GAIN = 10, 1e-3  # evaluations that have to add a share of what was won on time steps
 _FAILED = 1e6  # times the largest objective so far: what a run that fails counts as
 _FLAT = 1e-2  # times the tolerance: share of the first gradient that may be left
 _RUNS = 2  # times the iterations: evaluations, of which a line along a kink may take twenty
@@ -23,11 +25,15 @@ _NOTHING_LESS = 8  # of SLSQP: along its line nothing is less, as rounding lets 
 _NO_LESS = -6  # TAO_DIVERGED_LS_FAILURE
 
 
+class Settled(Exception):  # noqa: N818  (nothing failed)
+    """A search wins nothing that counts any more."""
+
+
 class Problem:
     """An objective of unknowns s in their sizes, from the start on: p = start + sizes s.
 
     It is told in the size of its first value or slopes: solvers hold numbers beside 1, to which an
-    energy of 1e-12 J would be nothing.
+    energy of 1e-12 J would be nothing. Terms within limits likewise, in the size of their slopes.
     """
 
     def __init__(self, search: Search) -> None:
@@ -35,6 +41,10 @@ class Problem:
         wanted = self.varied.scene.objective
         self.most = 100 if wanted is None else wanted.max_iterations
         self.tolerance = 1e-8 if wanted is None else wanted.tolerance
+        asked = None if wanted is None else wanted.gain
+        self.gain = (_GAIN if self.varied.wrinkles else 0.0) if asked is None else asked
+        self.settled = ""  # why the search was ended
+        self._least = list[float]()  # within limits, so far, after each evaluation
         self.bounds = (self.varied.limits - self.varied.start) / self.varied.scales
         self.best: tuple[float, Floats] = (np.inf, self.varied.start)
         self.size = 0.0
@@ -46,10 +56,28 @@ class Problem:
         return np.clip(self.varied.start + self.varied.scales * s, low, high)
 
     @property
-    def limits(self) -> Floats:
-        """Least and largest values of what stays within limits, (2, m)."""
+    def _limits(self) -> Floats:
         limits = self.varied.quantities.limits
         return np.array([each.limits for each in limits], dtype=float).reshape(-1, 2).T
+
+    @property
+    def limits(self) -> Floats:
+        """Least and largest values of what stays within limits, in its sizes, (2, m)."""
+        return self._limits / self.sizes
+
+    @cached_property
+    def sizes(self) -> Floats:
+        """Of what stays within limits: its steepest slope at the start, (m,)."""
+        values, slopes = self._terms(np.zeros(len(self.varied.start)))
+        steep = np.abs(slopes).max(axis=1, initial=0.0)
+        found = np.where(steep > 0.0, steep, np.abs(values))
+        return np.where(found > 0.0, found, 1.0)
+
+    def room(self, limited: Floats) -> tuple[Floats, Floats]:
+        """How far values (m,) are from their limits, least and largest, in what may be passed."""
+        low, high = self._limits
+        most = _KEPT * np.maximum(self.sizes, np.abs(limited))
+        return (limited - low) / most, (high - limited) / most
 
     def value(self, s: Floats) -> tuple[float, Floats]:
         """J and its derivatives; where there is no run, so much that the step is taken back."""
@@ -67,19 +95,41 @@ class Problem:
         found = quantities.objective(told.numbers)
         slope = quantities.slope(told.numbers) @ told.jacobian
         self.search.note(values, found, slope)
-        if found < self.best[0]:
+        if (
+            found < self.best[0]
+            and np.min(self.room(quantities.limited(told.numbers)[0]), initial=0.0) >= -1.0
+        ):
             self.best = found, values
+        self._check_gain()
         scaled = slope * self.varied.scales
         self.size = self.size or max(abs(found), float(np.abs(scaled).max()))
         return found / (self.size or 1.0), scaled / (self.size or 1.0)
 
+    def _check_gain(self) -> None:
+        """End a search that goes on from wrinkle to wrinkle.
+
+        Raises:
+            Settled: The last evaluations won next to nothing.
+        """
+        if not np.isfinite(self.best[0]):
+            return
+        self._least.append(self.best[0])
+        before, last = self._least[-1 - _LATELY :][0], self._least[-1]
+        won, lately = self._least[0] - last, before - last
+        if len(self._least) > _LATELY and lately < self.gain * won:
+            self.settled = (
+                f"the search was ended: {_LATELY} evaluations won {lately / won:.1g} of what it "
+                f"has won, less than objective.gain = {self.gain:g}"
+            )
+            raise Settled(self.settled)
+
     def limited(self, s: Floats) -> Floats:
-        """What stays within limits (m,)."""
-        return self._terms(s)[0]
+        """What stays within limits, in its sizes (m,)."""
+        return np.asarray(self._terms(s)[0] / self.sizes)
 
     def limited_slope(self, s: Floats) -> Floats:
         """Its derivatives by s, (m, P)."""
-        return self._terms(s)[1]
+        return np.asarray(self._terms(s)[1] / self.sizes[:, None])
 
     def _terms(self, s: Floats) -> tuple[Floats, Floats]:
         """Both; where there is no run, those of the best one: the objective takes the step back."""
@@ -132,8 +182,6 @@ def _by_trust_constr(problem: Problem) -> Found:
 def _by_slsqp(problem: Problem) -> Found:
     low, high = problem.limits
     start = np.zeros(len(problem.varied.start))
-    # One tolerance for the objective and all limits: each in its size.
-    sizes = np.abs(problem.limited_slope(start)).max(axis=1, initial=1e-300)
     equal = low == high
     sides: list[dict[str, Any]] = []
     for kind, rows, sign, side in (
@@ -141,9 +189,8 @@ def _by_slsqp(problem: Problem) -> Found:
         ("ineq", ~equal & np.isfinite(high), -1.0, high),
     ):  # fmt: skip
         if rows.any():
-            factors = sign / sizes[rows]
-            within = partial(_within, problem, rows, factors, side)
-            slope = partial(_within_slope, problem, rows, factors)
+            within = partial(_within, problem, rows, sign, side)
+            slope = partial(_within_slope, problem, rows, sign)
             sides.append({"type": kind, "fun": within, "jac": slope})
 
     found = minimize(
@@ -153,13 +200,13 @@ def _by_slsqp(problem: Problem) -> Found:
     return problem.place(found.x), found.status in {0, _NOTHING_LESS}, str(found.message)
 
 
-def _within(problem: Problem, rows: Booleans, factors: Floats, side: Floats, s: Floats) -> Floats:
+def _within(problem: Problem, rows: Booleans, sign: float, side: Floats, s: Floats) -> Floats:
     """How far terms are within one of their limits, in their sizes."""
-    return np.asarray(factors * (problem.limited(s) - side)[rows])
+    return np.asarray(sign * (problem.limited(s) - side)[rows])
 
 
-def _within_slope(problem: Problem, rows: Booleans, factors: Floats, s: Floats) -> Floats:
-    return np.asarray(factors[:, None] * problem.limited_slope(s)[rows])
+def _within_slope(problem: Problem, rows: Booleans, sign: float, s: Floats) -> Floats:
+    return np.asarray(sign * problem.limited_slope(s)[rows])
 
 
 def _by_ipopt(problem: Problem) -> Found:
@@ -210,6 +257,15 @@ SOLVERS: Mapping[str, Callable[[Problem], Found]] = {
     "least_squares": _by_squares, "gauss_newton": _by_squares,
 }  # fmt: skip
 """Solvers by name."""
+
+
+def searched(problem: Problem, solver: str) -> Found:
+    """Search by one of them, until it ends or wins nothing that counts any more."""
+    try:
+        return SOLVERS[solver](problem)
+    except Settled as settled:
+        return problem.best[1], True, str(settled)
+
 
 CONSTRAINED = ("trust_constr", "slsqp", "ipopt")
 """Those that know limits of terms."""

@@ -202,6 +202,11 @@ class Varied:
             )
         return cls(scene, quantities, chosen, runs(chosen, scene))
 
+    @property
+    def wrinkles(self) -> bool:
+        """Whether steps in contact bend what is computed, and no run is known without them."""
+        return self.chosen.method in STEPPED
+
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
         """What varies."""

@@ -257,6 +257,11 @@ class Objective:
         Real(above=0, below=1), "relative change of parameters and objective at the end",
         default=1e-8,
     )  # fmt: skip
+    gain: float | None = key(
+        Real(at_least=0, below=1),
+        "share of what optimise has won that 10 evaluations have to add, or it ends",
+        default=None, absent="0.001 by massless, conserving and explicit steps, else 0",
+    )  # fmt: skip
     seed: int = key(
         Integer(0, 2**31 - 1), "of the random direction in which gradients are checked", default=0
     )

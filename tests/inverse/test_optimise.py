@@ -80,6 +80,38 @@ def test_a_block_moved_with_least_effort(solver):
     assert found.trusted
 
 
+@pytest.mark.parametrize("solver", ["trust_constr", "slsqp"])
+def test_limits_hold_in_any_size(solver):
+    """The same by a nanometre: limits are met in their sizes, not beside 1."""
+    data = block(bounds=[-1e-8, 1e-8])
+    data["objective"]["solver"] = solver
+    data["objective"]["constraints"][0] |= {"min": 1e-9, "max": 1e-9}
+    found = impactfem.optimise(Scene.from_dict(data))
+    assert found.constraints == pytest.approx([1e-9, 0.0], rel=1e-6, abs=1e-15)
+    assert found.objective["final"] == pytest.approx(12.8e-18, rel=1e-6)
+    assert found.trusted
+
+
+def test_limits_that_are_passed_by_little_are_doubted():
+    data = block(bounds=[-1e-9, 1e-9])  # a quarter of a nanometre at most
+    data["objective"]["constraints"] = [
+        {"term": "value", "of": "place", "min": 1e-9, "max": 1e-9}
+    ]  # fmt: skip
+    found = impactfem.optimise(Scene.from_dict(data))
+    assert any("place" in each or "passes its limits" in each for each in found.doubts)
+
+
+def test_a_search_ends_where_little_is_won():
+    data = landing()
+    data["objective"]["gain"] = 0.5
+    found = impactfem.optimise(Scene.from_dict(data))
+    told = [each.objective for each in found.iterations]
+    assert len(told) == 14  # half of what was won came before the last ten
+    assert found.objective["final"] == min(told)
+    assert found.trusted
+    assert "less than objective.gain = 0.5" in found.notes[-1]
+
+
 def test_without_casadi_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     data = block()
