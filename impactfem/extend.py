@@ -2,10 +2,11 @@
 
 An extension is a module that registers what it adds, in one line each. A body without a mesh is a
 class with keys and a method `system`, an obstacle a class with keys, distance, mirror image and
-outline or faces, a method a `SolidScheme` or a `BarScheme`.
+outline or faces, a method a `SolidScheme` or a `BarScheme`, a law of impacts a `RestitutionLaw`.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 from importlib import import_module
 from inspect import currentframe
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,6 +17,7 @@ from impactfem.extensions import ADDED
 from impactfem.marching.schemes import SCHEMES, SOLID_SCHEMES, BarScheme, SolidScheme
 from impactfem.methods import BAR, METHODS, SOLID, Method
 from impactfem.scene.body import BodyKind
+from impactfem.scene.contacts import RESTITUTION_LAWS, RestitutionLaw
 from impactfem.scene.content import BODIES
 from impactfem.scene.flight import Flight
 from impactfem.scene.given import MaybeFormulas, MaybeTable
@@ -70,6 +72,7 @@ __all__ = [
     "Mirror",
     "Name",
     "Real",
+    "RestitutionLaw",
     "RigidObstacle",
     "Rotation",
     "SolidScheme",
@@ -94,7 +97,7 @@ if not TYPE_CHECKING:
 
 
 def register[T](what: T, *, name: str = "", text: str = "") -> T:
-    """Add a kind of body or obstacle, or a method, to those that the package has itself.
+    """Add a kind of body or obstacle, a method or a law to those that the package has itself.
 
     From then on scenes, messages, the JSON schema, plan, run, report and restart know it. A class
     of the same module and name replaces the one before, as where a cell of a notebook is run again;
@@ -102,16 +105,18 @@ def register[T](what: T, *, name: str = "", text: str = "") -> T:
 
     Args:
         what: A class made by `table`: a `BodyKind` with a method ``system`` that gives its
-            `FewBodies`, or a `RigidObstacle`. Or a `SolidScheme` or `BarScheme`.
-        name: Of the method that a scheme makes, for ``solve.method``.
+            `FewBodies`, or a `RigidObstacle`. Or a `SolidScheme` or `BarScheme`. Or a
+            `RestitutionLaw`.
+        name: Of the method that a scheme makes, for ``solve.method``; of a law, for
+            ``restitution_law``.
         text: What it is and where its limits lie, for reports and ``impactfem methods``.
 
     Returns:
         The same, so that it may stand before a class as a decorator.
 
     Raises:
-        SceneError: Its name is taken, it lacks what is needed, or it is a law or a joint, which
-            are not registered.
+        SceneError: Its name is taken, it lacks what is needed, or it is another law or a joint,
+            which are not registered.
     """
     if isinstance(what, type) and issubclass(what, BodyKind):
         _check(what, BodyKind, ("dim", "system"))
@@ -121,30 +126,41 @@ def register[T](what: T, *, name: str = "", text: str = "") -> T:
         if what.outline is RigidObstacle.outline and what.faces is RigidObstacle.faces:
             raise _lacks(what, "outline, in the plane, or faces, in space, for pictures")
         _enter("obstacle", what.kind, what, OBSTACLES)
-    elif isinstance(what, SolidScheme | BarScheme):
+    elif isinstance(what, SolidScheme | BarScheme | RestitutionLaw):
         frame = currentframe()
         caller = frame.f_back.f_globals["__name__"] if frame and frame.f_back else ""
-        _enter_method(what, name, text, caller)
+        if isinstance(what, RestitutionLaw):
+            _claim("law", RESTITUTION_LAWS, name, text, caller)
+            RESTITUTION_LAWS[name] = replace(what, text=text)
+        else:
+            _claim("method", METHODS, name, text, caller)
+            _enter_method(what, name, text)
     else:
         raise SceneError(
             f"register: {show(what)} is neither a body (a class of BodyKind) nor an obstacle (of "
-            "RigidObstacle) nor a SolidScheme or BarScheme; laws of contact and of materials and "
-            "joints are part of the package, formulas in force, load and motor reach far"
+            "RigidObstacle) nor a SolidScheme, BarScheme or RestitutionLaw; laws of friction, of "
+            "materials and joints are part of the package, formulas in force, load and motor reach "
+            "far"
         )
     return what
 
 
-def _enter_method(scheme: SolidScheme | BarScheme, name: str, text: str, module: str) -> None:
-    """List a scheme among the methods.
+def _claim(sort: str, known: Iterable[str], name: str, text: str, module: str) -> None:
+    """Take a name for what has none of its own.
 
     Raises:
-        SceneError: It has no name or text, or its name is taken.
+        SceneError: There is no name or text, or the name is taken.
     """
     for what, given in (("name", name), ("text", text)):
         if not given:
-            raise SceneError(f"register: a scheme needs {what} = ...; see impactfem.register")
-    if name in METHODS and ADDED.get(f"method {name}") != module:
-        raise SceneError(f'register: name = "{name}" is taken by another method; choose another')
+            raise SceneError(f"register: a {sort} needs {what} = ...; see impactfem.register")
+    if name in known and ADDED.get(f"{sort} {name}") != module:
+        raise SceneError(f'register: name = "{name}" is taken by another {sort}; choose another')
+    ADDED[f"{sort} {name}"] = module
+
+
+def _enter_method(scheme: SolidScheme | BarScheme, name: str, text: str) -> None:
+    """List a scheme among the methods."""
     limited: Literal["limited", "always"]
     if isinstance(scheme, SolidScheme):
         limited, bodies = "limited" if scheme.explicit else "always", SOLID
@@ -153,7 +169,6 @@ def _enter_method(scheme: SolidScheme | BarScheme, name: str, text: str, module:
         limited, bodies = "limited" if scheme.limited else "always", BAR
         SCHEMES[name] = scheme
     METHODS[name] = Method(text, limited, plannable=False, mixes=bodies is SOLID, bodies=bodies)
-    ADDED[f"method {name}"] = module
 
 
 def _check(cls: type[Any], base: type[Any], wanted: Iterable[str]) -> None:

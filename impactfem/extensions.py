@@ -1,4 +1,4 @@
-"""Extensions: modules of users that register bodies, obstacles and methods (`impactfem.register`).
+"""Extensions: modules of users that register bodies, obstacles, methods, laws (`register`).
 
 A scene never names code. An extension is imported by a script, named on the command line
 (``--extension``), or installed with an entry point of the group `GROUP`, whose value is its module.

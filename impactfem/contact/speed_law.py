@@ -13,12 +13,14 @@ layer either, but an end has a velocity at once: the law acts on gaps, and the f
 its own. Its work is Lambda times the change of the gap, never positive.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.arrays import Booleans, Floats
+from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.errors import SceneError
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,54 @@ class Halfway:
         if self.across is not None:
             found[:, 1:] |= self.across[:, None]
         return found
+
+
+@dataclass(frozen=True)
+class SpeedLaws:
+    """Restitution of gaps, in some of them by the speed of approach.
+
+    Attributes:
+        laws: Names, and what gives e by speeds > 0 [m/s] and numbers e, (gaps,) each.
+        which: Law of each gap, -1: its number, (gaps,).
+        given: Numbers e of the gaps, (gaps,).
+    """
+
+    laws: tuple[tuple[str, Callable[[Floats, Floats], Floats]], ...]
+    which: Integers
+    given: Floats
+
+    def some(self, rows: Integers) -> "SpeedLaws":
+        """Those of some gaps."""
+        return replace(self, which=self.which[rows], given=self.given[rows])
+
+    def at(self, speed: Floats) -> Floats:
+        """Newton's e by normal speeds before an impact [m/s], < 0 approaching, (gaps,).
+
+        Raises:
+            SceneError: A law gives anything but numbers from 0 to 1.
+        """
+        found = self.given.copy()
+        for k, (name, law) in enumerate(self.laws):
+            rows = np.flatnonzero((self.which == k) & (speed < 0.0))
+            if len(rows):
+                found[rows] = _allowed(name, law(-speed[rows], self.given[rows]), -speed[rows])
+        return found
+
+
+def _allowed(name: str, told: object, speed: Floats) -> Floats:
+    """What a law of a user gives for some speeds, if it may."""
+    values = np.asarray(told, dtype=float)
+    if values.shape != speed.shape:
+        text = f"an array of shape {values.shape} for speeds of shape {speed.shape}"
+    else:
+        wrong = np.flatnonzero(~((values >= 0.0) & (values <= 1.0)))
+        if not len(wrong):
+            return values
+        text = f"{values[wrong[0]]:g} for an approach with {speed[wrong[0]]:g} m/s"
+    raise SceneError(
+        f"restitution_law: {name} gives {text}; mend it: e from 0 (no rebound) to 1 (no loss), one "
+        "for each speed"
+    )
 
 
 def rebound(before: Floats, after: Floats, restitution: Floats, half: float) -> Floats:

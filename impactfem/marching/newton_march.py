@@ -366,6 +366,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 massive = loose & ~self._soft
                 may = np.where(massive, shut, may)
                 speed = self._speed(directions, start, end - start)
+                self._approach(speed[:, 0])
                 ahead = way + way_ahead(speed, self._lively, rebound, end - start, gained)
                 apart[massive, 0], apart[loose, 1:] = ahead[massive, 0], ahead[loose, 1:]
             if left <= 1.0 and self._missed(apart, force, may) <= self.tolerance:

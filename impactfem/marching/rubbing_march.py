@@ -214,6 +214,7 @@ class RubbingMarch(SolidMarch):
         by_mass = self._massive.all() and not interior.radiating.any() and not self._skips
         at_once = self._scheme.rule == "middle" and self._impacts.law == "simultaneous"
         without = self._springs is None and self._poisson is None and not more
+        without = without and self._speed_laws is None
         return bool(without and by_mass and at_once)
 
     def _shifts(self, count: int, dim: int) -> Floats:

@@ -273,6 +273,7 @@ class SolidMarch(TimeLoop[Interior]):
         slow = np.maximum(np.abs(two - one), self.tolerance / dt)
         self._arriving, self._leaving = one < -slow, one > slow
         self._normal_speed = one
+        self._approach(one)
         return rebound(one, two, self._lively, self._reach)
 
     def _struck_gaps(self, taking_part: Booleans, gap: Floats) -> Booleans:

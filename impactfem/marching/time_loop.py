@@ -13,6 +13,7 @@ from impactfem.contact.complementarity import Solver
 from impactfem.contact.friction_solver import Solving
 from impactfem.contact.impact_law import Law
 from impactfem.contact.speed_kernels import row_sums, rubbing_sums
+from impactfem.contact.speed_law import SpeedLaws
 from impactfem.contact.springs import ContactSprings
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
@@ -63,6 +64,7 @@ class LoopSettings:
             are found.
         friction: Coulomb's law; None without.
         restitution: Newton's e of each gap between nodes with mass, (pairs,); None: 0.
+        speed_laws: Restitution by the speed of approach; None: by `restitution` alone.
         poisson: Poisson's e likewise.
         springs: In the gaps; None without any.
         bonds: What holds bodies together that have touched; None: nothing does.
@@ -79,6 +81,7 @@ class LoopSettings:
     rest: tuple[Floats, Floats, Floats] | None = None
     friction: Friction | None = None
     restitution: Floats | None = None
+    speed_laws: SpeedLaws | None = None
     poisson: Floats | None = None
     springs: ContactSprings | None = None
     bonds: Bonds | None = None
@@ -99,6 +102,8 @@ class LoopSettings:
             found = replace(found, bonds=found.bonds.some(rows))
         if found.restitution is not None:
             found = replace(found, restitution=found.restitution[rows])
+        if found.speed_laws is not None:
+            found = replace(found, speed_laws=found.speed_laws.some(rows))
         if found.poisson is not None:
             found = replace(found, poisson=found.poisson[rows])
         return found
@@ -134,6 +139,7 @@ class TimeLoop[I: Stepper](ABC):
         if settings.friction is not None:
             self._how = settings.friction.solving
         self._restitution, self._poisson = settings.restitution, settings.poisson
+        self._speed_laws = settings.speed_laws
         self._rubs, self._springs = settings.friction is not None, settings.springs
         self._impacts, self._bonds = Impacts(settings.impact_law), settings.bonds
         self.layers, self.tolerance = layers, settings.tolerance
@@ -187,9 +193,14 @@ class TimeLoop[I: Stepper](ABC):
         """The same in numbers, for the details of a run."""
         return self._impacts.figures(self._gaps.pairs)
 
+    def _approach(self, speed: Floats) -> None:
+        """Let restitution know normal speeds at the start of a step [m/s], (gaps,)."""
+        if self._speed_laws is not None:
+            self._restitution = self._speed_laws.at(speed)
+
     @property
     def _lively(self) -> Floats:
-        """Newton's e, (gaps,)."""
+        """Newton's e, by the last speeds of which `_approach` learned, (gaps,)."""
         none = np.zeros(len(self.contact.gap))
         return none if self._restitution is None else self._restitution
 

@@ -16,6 +16,7 @@ from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.gaps import Gaps, Started, Touching
 from impactfem.contact.meeting import Meet
 from impactfem.contact.pairs import PairGaps
+from impactfem.contact.speed_law import SpeedLaws
 from impactfem.contact.springs import ContactSprings
 from impactfem.marching.rubbing import Friction
 from impactfem.models.ball_contacts import places_of
@@ -216,6 +217,17 @@ class Contacts:
         """Newton's e of the gaps; None if it is 0 everywhere."""
         found = self._each(scene, lambda law: 0.0 if law.by_impulses else law.restitution)
         return found if found.any() else None
+
+    def speed_laws(self, scene: Scene) -> SpeedLaws | None:
+        """Restitution by the speed of approach; None if numbers tell it everywhere."""
+        each = ((law.restitution_law or "", law.by_speed) for law in scene.contacts)
+        laws = {name: law.of_speed for name, law in each if law is not None}
+        if not laws:
+            return None
+        place = {name: 1.0 + k for k, name in enumerate(laws)}
+        which = self._each(scene, lambda law: place.get(law.restitution_law or "", 0.0))
+        given = self._each(scene, lambda law: 0.0 if law.by_impulses else law.restitution)
+        return SpeedLaws(tuple(laws.items()), which.astype(np.int64) - 1, given)
 
     def impulsive(self, scene: Scene) -> Floats | None:
         """Poisson's e of the gaps; None if it is 0 everywhere."""

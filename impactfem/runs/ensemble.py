@@ -158,7 +158,7 @@ def _others(law: Contact) -> list[str]:
         "static_friction_coefficient": law.sticking != law.friction_coefficient,
         "rolling_resistance": law.rolling_resistance > 0.0,
         "spinning_resistance": law.spinning_resistance > 0.0,
-        'restitution_law = "poisson"': law.by_impulses,
+        f'restitution_law = "{law.restitution_law}"': not law.is_newton,
         "stiffness": law.stiffness is not None,
     }
     return [name for name, there in found.items() if there]

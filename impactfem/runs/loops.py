@@ -127,7 +127,8 @@ def make_loop(
     settings = LoopSettings(
         model.comm, scheme, gaps, solver, layers, tolerance, friction=law,
         most_pairs=MOST_PAIRS, springs=contacts.springs(scene), bonds=contacts.bonds(scene),
-        restitution=contacts.restitution(scene), poisson=contacts.impulsive(scene),
+        restitution=contacts.restitution(scene), speed_laws=contacts.speed_laws(scene),
+        poisson=contacts.impulsive(scene),
         impact_law=cast("Law", scene.solve.impact_law or "simultaneous"),
     )  # fmt: skip
     made = _Making(

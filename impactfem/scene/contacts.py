@@ -1,16 +1,34 @@
 """Contact laws of a scene: which bodies meet, and what an impact leaves of their speed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
+from impactfem.arrays import Floats
 from impactfem.scene.given import MaybeTable
 from impactfem.scene.inline import InlineTable, ListOf
 from impactfem.scene.kinds import Choice, Name, Real, SideName
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
-RESTITUTION_LAWS = ("newton", "moreau", "poisson")
-"""How impacts that happen together share their impulses; see `docs/friction.md`."""
+
+@dataclass(frozen=True)
+class RestitutionLaw:
+    """What an impact leaves of the speed with which bodies without waves approach.
+
+    Attributes:
+        of_speed: Gives Newton's e, 0 to 1, of several contacts at once by the speeds with which
+            they close [m/s], > 0, and the ``restitution`` that the scene gives, (contacts,) each.
+            It must depend on nothing else: restarts and ranks call it again.
+        text: What it is, for reports; `impactfem.register` gives it.
+    """
+
+    of_speed: Callable[[Floats, Floats], Floats]
+    text: str = ""
+
+
+RESTITUTION_LAWS: dict[str, RestitutionLaw | None] = dict.fromkeys(("newton", "moreau", "poisson"))
+"""How impacts share their impulses, see `docs/friction.md`; those of extensions by the speed."""
 
 DAMPING_LAWS = ("kelvin_voigt", "hunt_crossley")
 """What resists indentation; see `impactfem.contact.dashpots`."""
@@ -62,7 +80,7 @@ class Contact:
     restitution_law: str | None = key(
         Choice(RESTITUTION_LAWS),
         "on what restitution acts: normal speeds (newton, moreau) or impulses (poisson, without "
-        "friction)",
+        "friction); or a law of an extension, by the speed of approach",
         default=None,
         absent="moreau with friction, else newton",
     )
@@ -130,6 +148,16 @@ class Contact:
         return tuple(name for name in keys if getattr(self, name))
 
     @property
+    def by_speed(self) -> RestitutionLaw | None:
+        """What tells restitution by the speed of approach; None: it is a number."""
+        return RESTITUTION_LAWS.get(self.restitution_law or "")
+
+    @property
+    def is_newton(self) -> bool:
+        """Whether impacts leave a fixed share of speeds, as all methods know it."""
+        return not self.by_impulses and self.by_speed is None
+
+    @property
     def by_impulses(self) -> bool:
         """Whether restitution is Poisson's."""
         return self.restitution_law == "poisson"
@@ -166,7 +194,8 @@ class Contact:
         if self.damping_law != "kelvin_voigt" and not self.damping:
             text = f" = {show(self.damping_law)} is the law of damping: give that too."
             raise KeyedError(self.heading, "damping_law", text)
-        for name in ("restitution", "tangential_restitution"):
+        by_speed = ("restitution_law",) if self.by_speed else ()
+        for name in ("restitution", "tangential_restitution", *by_speed):
             if self.stiffness is not None and (value := getattr(self, name)):
                 text = f" = {show(value)} is not available with stiffness, which gives back what "
                 text += "it takes; remove one, or say by damping what it loses."

@@ -216,6 +216,7 @@ class Content:
         named = [("body", b.kind) for b in self.bodies]
         named += [("obstacle", o.kind) for o in self.obstacles]
         named += [("method", self.solve.method)] if self.solve.method else []
+        named += [("law", c.restitution_law or "") for c in self.contacts if c.by_speed]
         return tuple(f"{what} {name}" for what, name in dict.fromkeys(named))
 
     @property
@@ -458,7 +459,9 @@ def _of_laws(scene: Content) -> str | None:
         return "motion without anything to hit"
     for law in scene.laws.each:
         what = "friction" if law.friction_coefficient > 0.0 else "Poisson's restitution"
-        if law.friction_coefficient > 0.0 or law.by_impulses:
+        if law.friction_coefficient == 0.0 and law.by_speed:
+            what = f"restitution by {law.restitution_law}"
+        if law.friction_coefficient > 0.0 or not law.is_newton:
             return f"{what} between {' and '.join(law.between)}"
         if law.adhesion is not None:
             return f"the adhesion of {' and '.join(law.between)}"

@@ -104,6 +104,6 @@ def _check_law(law: Contact, where: str, why: str, *, rubs: bool, rigid: bool) -
             knows = rigid and name in known
             able = f"event_driven in the plane does, or {remedy}" if knows else remedy
             raise KeyedError(where, name, f"{text}; {able}.")
-    if law.by_impulses:
+    if not law.is_newton:
         text = f" = {show(law.restitution_law)}: {why} with Newton's: {remedy}."
         raise KeyedError(where, "restitution_law", text)

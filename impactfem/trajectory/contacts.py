@@ -160,7 +160,7 @@ def _strikes(law: Contact, dim: int) -> bool:
     """Whether its impacts are those of Newton's and Coulomb's laws; others stay open."""
     gives_way = law.stiffness is not None or law.adhesion is not None
     rubs_more = law.sticking > law.friction_coefficient or (dim == 3 and law.sticking > 0.0)
-    return not (gives_way or rubs_more or law.by_impulses)
+    return not (gives_way or rubs_more or not law.is_newton)
 
 
 def _on_plane(

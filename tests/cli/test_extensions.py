@@ -18,13 +18,15 @@ from impactfem.marching.schemes import SCHEMES, SOLID_SCHEMES
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.methods import METHODS
 from impactfem.scene import schema
+from impactfem.scene.contacts import RESTITUTION_LAWS
 from impactfem.scene.content import BODIES
 from impactfem.scene.obstacles import OBSTACLES
 from impactfem.signals import InterruptedRunError
 
 from conftest import launch  # isort: skip
 
-LISTS = (ADDED, BODIES, OBSTACLES, METHODS, SCHEMES, SOLID_SCHEMES, schema._TABLES)
+LISTS = (ADDED, BODIES, OBSTACLES, METHODS, RESTITUTION_LAWS, SCHEMES, SOLID_SCHEMES)
+LISTS += (schema._TABLES,)
 DISC = """
 title = "a disc on an ellipse"
 duration = 0.02
@@ -170,6 +172,24 @@ def test_an_interior_runs_with_report_restart_and_ranks(command, work, monkeypat
     assert json.loads((work / "whole" / "summary.json").read_text())["contact"]["impulse"] > 0.0
     said = goes_on(command, work, monkeypatch, "block.toml", options)
     assert "it needs method backward_euler of the extension backward_euler" in said
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("fresh")
+def test_a_law_of_impacts_runs_with_report_restart_and_ranks(command, work, monkeypatch):
+    (work / "yielding.py").write_text(block("law", "yielding.py"))
+    scene = block("law", "ball.toml").replace("[solve]\ndt = 1e-4", "[output]\ncheckpoint = 20\n\n"
+        "[solve]\ndt = 0.01").replace("restitution = 0.8", "restitution = 0.8\n"
+        "friction_coefficient = 0.2").replace("[0.0, 1.0]\n\n[[ob", "[0.0, 1.0]\n"
+        "velocity = [0.3, 0.0]\n\n[[ob")  # fmt: skip
+    (work / "ball.toml").write_text(scene)
+    options = ("--extension", "yielding.py")
+    done = command("run", "ball.toml", *options, "--out", "whole", "--quiet", drawn=True)
+    assert done.code == 0, done.err
+    page = (work / "whole" / "report.html").read_text("utf-8")
+    assert "restitution 0.8 by the law yielding (e falls with the fourth root" in page
+    said = goes_on(command, work, monkeypatch, "ball.toml", options)
+    assert "it needs law yielding of the extension yielding" in said
 
 
 @pytest.mark.usefixtures("fresh")

@@ -32,7 +32,7 @@ PAGES = sorted(
     ]
 )  # fmt: skip
 # The scenes of these pages need the kinds that the pages add.
-ADDING = {DOCS / "howto" / "body.md", DOCS / "howto" / "obstacle.md"}
+ADDING = {DOCS / "howto" / f"{name}.md" for name in ("body", "obstacle", "law")}
 SHOWING = sorted({*DOCS.glob("*.md"), *PAGES} - ADDING)
 BLOCK = re.compile(
     r"^```(?:\{code-block\} )?(?P<language>\w+)\n(?::caption: (?P<caption>[^\n]+)\n)?"

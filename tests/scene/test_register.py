@@ -21,13 +21,15 @@ from impactfem.extensions import ADDED
 from impactfem.marching.schemes import SCHEMES, SOLID_SCHEMES
 from impactfem.methods import METHODS
 from impactfem.scene import schema
+from impactfem.scene.contacts import RESTITUTION_LAWS
 from impactfem.scene.content import BODIES
 from impactfem.scene.obstacles import OBSTACLES
 
 
 @pytest.fixture(autouse=True)
 def fresh():
-    lists = (ADDED, BODIES, OBSTACLES, METHODS, SCHEMES, SOLID_SCHEMES, schema._TABLES)
+    lists = (ADDED, BODIES, OBSTACLES, METHODS, RESTITUTION_LAWS, SCHEMES, SOLID_SCHEMES)
+    lists += (schema._TABLES,)
     before = [dict(each) for each in lists]
     yield
     for each, was in zip(lists, before, strict=True):
@@ -115,8 +117,8 @@ def test_a_body_without_what_is_needed_is_refused(given, lacks):
 def test_schemes_need_a_name_of_their_own_and_a_text():
     scheme = SolidScheme("midpoint", massless=True, contact="middle")
     for given, message in (
-        ({"text": "t"}, "a scheme needs name"),
-        ({"name": "mine"}, "a scheme needs text"),
+        ({"text": "t"}, "a method needs name"),
+        ({"name": "mine"}, "a method needs text"),
         ({"name": "massless", "text": "t"}, 'name = "massless" is taken'),
     ):
         with pytest.raises(impactfem.SceneError, match=message):

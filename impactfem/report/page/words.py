@@ -130,7 +130,9 @@ def _contact(scene: Scene, entry: Any) -> str:
     sides = [side_of(name)[0] for name in entry.between]
     met = [body for body in scene.bodies if any(fnmatchcase(body.name, side) for side in sides)]
     if not any(body.waves for body in met):
+        law = entry.by_speed
         told += f", with the coefficient of restitution {number(entry.restitution)}"
+        told += f" by the law {entry.restitution_law} ({law.text})" if law else ""
     return f"{text}, {told}."
 
 
