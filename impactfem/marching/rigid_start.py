@@ -19,6 +19,8 @@ from impactfem.system.rigid_modes import RigidModes
 if TYPE_CHECKING:
     from impactfem.marching.rigid import RigidBodies
 
+_SLOW = 1e-6  # by which free motions are held where no load tells, over the step squared
+
 
 class RigidAtRest:
     """Rigid bodies that are stepped at once; see `impactfem.marching.resting.Resting`."""
@@ -48,7 +50,8 @@ class RigidAtRest:
         total = float(masses.sum())
         self.modes = RigidModes(MPI.COMM_SELF, fields, self._mass, loads, total, dim)
         driven = np.abs(self.modes.along(self.residual(self.start)) @ fields).max(initial=0.0)
-        shift = max(BOUND * driven / self.size, float(np.finfo(float).tiny))
+        # Where joints alone may push, by the step: what nothing holds is found as well so.
+        shift = BOUND * driven / self.size or _SLOW / march.dt**2
         self._inverse, self._eased = np.linalg.inv(self._mass) / shift, 1.0
         self._answer: Callable[[Floats], Floats] = lambda forces: np.asarray(self._inverse @ forces)
 

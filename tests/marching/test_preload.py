@@ -98,3 +98,12 @@ def test_bad_preloads_are_refused(joint, more, words):
 def test_what_nothing_presses_on_is_named():
     with pytest.raises(SceneError, match=r"nothing holds body base and plate .* along y"):
         solve(screwed(contact=[]))
+
+
+def test_a_weightless_rigid_body_that_a_screw_draws_through_is_named():
+    table = screwed(contact=[]).to_dict()
+    shape = {"kind": "block", "size": [0.1, 0.02], "corner": [0.0, 0.05]}
+    table["body"][1] = {"kind": "rigid", "name": "plate", "mass": 0.1, "shape": shape}
+    table["joint"][0]["between"] = ["base/top", "plate"]
+    with pytest.raises(SceneError, match=r"nothing holds body base and plate .* along y"):
+        solve(Scene.from_dict(table))
