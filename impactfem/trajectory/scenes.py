@@ -170,6 +170,7 @@ class _Asked:
             name: (value, value) for name, value in zip(self.names, begun, strict=True)
         })  # fmt: skip
         end, end_rows = self._ends("end", {})
+        turns = {each.name: 1.0 for each in tree.freedoms if each.turns or each.entry >= 0}
         transcription = self.wanted.transcription
         gaps, self.unseen = closings(self.scene, known)
         self.struck = [each for each in gaps if self.through and each.restitution]
@@ -206,14 +207,8 @@ class _Asked:
             path_names=tuple(name for name, _ in paths),
             start_rows=tuple(start_rows), end_rows=tuple(end_rows),
             impacts=impacts,
-            pairs=pairs, pair_names=pair_names, sizes=self._turns(),
+            pairs=pairs, pair_names=pair_names, sizes=turns,
         )  # fmt: skip
-
-    def _turns(self) -> dict[str, float]:
-        """Sizes of what turns: a radian in all the time."""
-        turning = [f for f in self.known.tree.freedoms if f.turns or f.entry >= 0]
-        rate = 1.0 / self.duration[1]
-        return {f.name: 1.0 for f in turning} | {f.rate: rate for f in turning}
 
     @property
     def duration(self) -> tuple[float, float]:

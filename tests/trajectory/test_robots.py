@@ -7,9 +7,11 @@ from scipy.spatial.transform import Rotation
 from impactfem import Scene, SceneError
 from impactfem.system.mechanism_file import read_mechanism
 from impactfem.trajectory.bodies import symbolic
+from impactfem.trajectory.building import sizes_of
 from impactfem.trajectory.rotations import quaternion_rates
-from impactfem.trajectory.scenes import trajectory
+from impactfem.trajectory.scenes import _Asked, trajectory
 from impactfem.trajectory.symbols import loaded
+from impactfem.trajectory.transcribing import begin
 from impactfem.trajectory.tree import turning_of
 
 pin = pytest.importorskip("pinocchio")
@@ -119,6 +121,15 @@ def test_a_wheel_turns_the_hull_back(tmp_path):
     assert turn == pytest.approx([0.0, 0.0, -3.0 * own / (own + hull)], abs=1e-9)
     still = np.array([table[f"m.base.w{axis}"][-1] for axis in "xyz"])
     assert np.abs(still).max() < 1e-9
+
+
+def test_a_wheel_of_which_nothing_is_said_has_a_size(tmp_path):
+    """What it does to the hull's turn is 0 but for rounding, which once told 1e15 rad/s."""
+    scene = craft(tmp_path, {"m.base.qz": 0.1})
+    problem = _Asked(scene, scene.trajectory, symbolic(scene)).problem()
+    sizes = dict(zip(problem.states, sizes_of(problem, begin(problem, {})).states, strict=True))
+    assert sizes["m.wheel.q"] == 1.0
+    assert 0.1 < sizes["m.wheel.v"] < 10.0
 
 
 def test_a_motion_starts_and_ends_as_asked(tmp_path):
