@@ -25,6 +25,7 @@ from impactfem.scene.values import show
 
 if TYPE_CHECKING:
     from impactfem.runs.rewinding import State
+    from impactfem.runs.solids import Ready
 
 type Force = ArrayLike | Mapping[str, ArrayLike]
 """A force on a body's centre [N], (dim,), or {"force": (dim,), "moment": number or (3,)} [N m]."""
@@ -73,13 +74,18 @@ class Simulation:
 
         self._said, self._plan, self._begun = scene, plan(scene), begun
         self._scene = strained(scene, self._plan)
-        self._ready = prepare(self._scene, self._plan, Progress())
-        self._march, self._observers = self._ready.seen.march, self._ready.seen.observers()
+        self._first = prepare(self._scene, self._plan, Progress())
+        self._take(self._first)
         self._pushed, self._held = False, set[str]()
         self._columns: Mapping[str, float] = {}
         self._known, self._restored = -1, 0  # step of the columns, number of states restored
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             self._march.begin(self._observers)
+
+    def _take(self, ready: "Ready") -> None:
+        """March what is ready from here on."""
+        self._ready, self._march = ready, ready.seen.march
+        self._observers = ready.seen.observers()
 
     @property
     def scene(self) -> Scene:
@@ -127,6 +133,8 @@ class Simulation:
                 f"Simulation.step: t = {self.time:g} s is the end; give a longer duration, or "
                 "restore an earlier state"
             )
+        while self._ready.later is not None and self._march.layer >= self._ready.ends:
+            self._take(self._ready.handed())
         self._apply(forces or {})
         if outputs:
             feedback = self._ready.seen.feedback
@@ -219,6 +227,10 @@ class Simulation:
             )
         if not state.fits(self._ready.seen):
             raise SceneError("Simulation.restore: the state belongs to another scene")
+        ready = self._first
+        while ready.later is not None and ready.ends < state.layer:
+            ready = ready.next
+        self._take(ready)
         state.restore(self._ready.seen)
         self._pushed, self._known = state.pushed, -1
         self._restored += 1
@@ -253,7 +265,7 @@ class Simulation:
 
     def close(self) -> None:
         """Free matrices and factors; the simulation cannot be stepped any more (collective)."""
-        self._ready.destroy()
+        self._first.destroy()
 
 
 class _Now(Mapping[str, float]):

@@ -83,7 +83,7 @@ class PlateAdjoints(Adjoints):
         found = [np.zeros((self._march.layers, 0))]
         for load in cast("Plate", plate).pressures:
             values = FormulaValues(
-                load.value, f"pressure on the {load.face}", points, fem.MPI.COMM_SELF
+                load.acting, f"pressure on the {load.face}", points, fem.MPI.COMM_SELF
             )
             found.append(values.means(begin, end))
         return np.hstack(found)

@@ -131,6 +131,11 @@ class SolidRuns:
                     f"body[{k}].theory: {body.name} passes from {' to '.join(theories)} as its "
                     "thickness varies, which no derivative crosses: give one of them"
                 )
+        if scene.ends:
+            raise SceneError(
+                "supports.until: no derivative is known across the time at which a support lets "
+                "go; remove it, or let the duration end there"
+            )
         scene = strained(_plain(scene), self.chosen)
         return prepare(scene, self.chosen, Progress(), model=self.model.beside(scene))
 

@@ -126,6 +126,14 @@ class Checkpoints:
 
         on_root(self._comm, remove)
 
+    def layer(self) -> int:
+        """Number of layers done in the file (collective).
+
+        Raises:
+            OutputError: There is no such file.
+        """
+        return int(on_root(self._comm, lambda: load(self._path, "layer").get("layer", 0)))
+
     def read(self, march: TimeLoop[Any]) -> dict[str, float | str]:
         """Continue a march from the file; returns what was written with it (collective).
 

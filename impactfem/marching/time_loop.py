@@ -272,7 +272,11 @@ class TimeLoop[I: Stepper](ABC):
             ConvergenceError: Contact forces were not found, or the numbers are no longer finite.
         """
         self.begin(observers)
-        while self.layer < self.layers:
+        self.go_on(observers, self.layers)
+
+    def go_on(self, observers: Sequence[Callable[[Level], None]], end: int) -> None:
+        """March up to a layer; see `run`."""
+        while self.layer < end:
             self.step(observers)
 
     def begin(self, observers: Sequence[Callable[[Level], None]] = ()) -> None:

@@ -79,8 +79,8 @@ def contact_of(
     if solid.is_axisymmetric:
         cuts.append("axis")
     return contact_nodes(
-        comm, outside, obstacles, system.numbers, system.constrained, system.displacement, bound,
-        name=solid.name, surfaces=surfaces_of(scene, solid, obstacles),
+        comm, outside, obstacles, system.numbers, system.supports.lasting, system.displacement,
+        bound, name=solid.name, surfaces=surfaces_of(scene, solid, obstacles),
         symmetry=cuts, axisymmetric=solid.is_axisymmetric, joined=joined,
         turns=solid.is_finite or any(obstacle.rotation for obstacle in obstacles),
     )  # fmt: skip
@@ -90,7 +90,7 @@ def _driven(scene: Scene, solid: Solid, obstacles: Sequence[Any]) -> str | None:
     """What moves a solid besides its own speed and gravity; None if nothing does."""
     why = {
         "an obstacle that turns": any(obstacle.rotation for obstacle in obstacles),
-        "moving supports": any(support.moves for support in solid.supports),
+        "moving supports": any(s.moves or s.until is not None for s in solid.supports),
         "residual stress": solid.has_residual_stress,
         "tractions or pressures": bool(solid.tractions or solid.pressures),
         "an initial displacement": any(each.plain != 0.0 for each in solid.displacement),

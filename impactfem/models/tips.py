@@ -95,7 +95,7 @@ def _inside(part: "SolidPart", place: Floats, where: str) -> HeldRegion:
 def supported(part: "SolidPart") -> Booleans:
     """Which nodes of the outside of a solid supports hold, (nodes, dim) (collective)."""
     system, outside = part.system, part.outside
-    own = np.reshape(system.constrained, (-1, part.solid.dim)).astype(np.float64)
+    own = np.reshape(system.supports.lasting, (-1, part.solid.dim)).astype(np.float64)
     return everywhere(part.comm, outside.numbers, system.numbers, own) > 0.0
 
 

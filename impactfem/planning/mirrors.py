@@ -81,7 +81,7 @@ def _supports_mirror(scene: Scene, name: str, axis: int) -> bool:
     one, other = held.get(name), held.get(_image(name, axis))
     if one is None or other is None:
         return one is other
-    if one.kind != other.kind:
+    if (one.kind, one.until) != (other.kind, other.until):
         return False
     if one.value is None or other.value is None:
         return True
@@ -104,11 +104,11 @@ def _loads_mirror(scene: Scene, name: str, axis: int) -> bool:
     solid = scene.solid
 
     def traction(surface: str) -> Field:
-        found = [of_formulas(e.value) for e in solid.tractions if e.surface == surface]
+        found = [of_formulas(e.acting) for e in solid.tractions if e.surface == surface]
         return sum_of(found, solid.dim)
 
     def pressure(surface: str) -> Field:
-        found = [of_formulas([e.value]) for e in solid.pressures if e.surface == surface]
+        found = [of_formulas([e.acting]) for e in solid.pressures if e.surface == surface]
         return sum_of(found, 1)
 
     image = _image(name, axis)

@@ -77,7 +77,7 @@ def _bar(scene: Scene) -> str:
     touched = solid.contact_surfaces is None or near in solid.contact_surfaces
     if near in supports or not touched or not why or not _moves_along(scene, axis):
         return ""
-    if any(support.moves for support in solid.supports):
+    if any(support.moves or support.until is not None for support in solid.supports):
         return ""
     lower, upper = shape.bounds(axisymmetric=solid.is_axisymmetric)
     start = lower[axis] if normal[axis] > 0 else -upper[axis]

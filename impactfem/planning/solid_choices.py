@@ -250,7 +250,7 @@ def following(
 
 def _sampled(steps: Steps, scene: Scene, reasons: dict[str, str]) -> Steps:
     """Steps that end with the samples of controllers; explicit ones are, once they are known."""
-    if steps.layers is None or not scene.sampled:
+    if steps.layers is None or not (scene.sampled or scene.ends):
         return steps
     return steps.of_layers(scene.duration, on_samples(scene, steps.layers, reasons))
 

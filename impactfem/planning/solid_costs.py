@@ -4,6 +4,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from impactfem.findings import Finding
 from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
 from impactfem.sizing import check_memory
@@ -215,6 +218,19 @@ def count_layers(duration: float, dt: float) -> int:
     return max(1, math.ceil(count))
 
 
+def late_ends(scene: Scene, dt: float, amid: float) -> list[Finding]:
+    """Supports that steps of a length [s] cannot let go when they should; see `on_samples`."""
+    found = []
+    for end in scene.ends:
+        at = end / dt + amid * (end > 0.0)
+        if abs(at - round(at)) > _SOON:
+            when = f"{(round(at) - amid) * dt:.6g} s, the end of a time step"
+            text = f"supports let go at t = {when}, instead of {end:g} s"
+            remedy = "leave solve.dt out, or give one of which it is a multiple"
+            found.append(Finding("load_unresolved", "note", text, remedy=remedy))
+    return found
+
+
 def _check(needed: float, unknowns: float) -> None:
     """Refuse what cannot fit."""
     check_memory(
@@ -226,14 +242,31 @@ def _check(needed: float, unknowns: float) -> None:
     )
 
 
-def on_samples(scene: Scene, layers: int, reasons: dict[str, str] | None = None) -> int:
+_FEW_MORE = 64  # time steps that may be added so that some end with what happens
+_SOON, _BESIDE = 0.05, 0.01  # of a step, by which they may miss it
+
+
+def on_samples(
+    scene: Scene, layers: int, reasons: dict[str, str] | None = None, amid: float = 0.0
+) -> int:
     """Number of time steps that end with the samples of controllers, if the duration does.
+
+    Without any they end where supports let go, as near as a few more do.
 
     Args:
         scene: The scene; a step that it gives stays.
         layers: As many steps as are needed, that fill the duration.
         reasons: Gets the reason.
+        amid: Part of a step before whose end forces begin to act.
     """
+    ends = np.array([end for end in scene.ends if end > 0.0]) / scene.duration
+    if len(ends) and not scene.sampled and scene.solve.dt is None:
+        counts = layers + np.arange(max(_FEW_MORE, layers // 4))
+        at = counts[:, None] * ends + amid
+        missed = np.abs(at - np.round(at)).max(axis=1)
+        if reasons is not None:
+            reasons["ends"] = "time steps end where supports let go"
+        return int(counts[np.argmin(np.maximum(missed, _BESIDE))])
     spans = [each.sample for each in scene.sampled if each.sample]
     if not spans or scene.solve.dt is not None:
         return layers

@@ -7,7 +7,7 @@ import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding
-from impactfem.methods import METHODS
+from impactfem.methods import METHODS, is_explicit
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.few import bar_findings, few_findings, few_step, plan_few
 from impactfem.planning.meetings import told_contacts
@@ -29,6 +29,7 @@ from impactfem.planning.solid_costs import (
     check_before_meshing,
     count_layers,
     explicit_step,
+    late_ends,
     memory_mib,
     seconds,
 )
@@ -118,6 +119,9 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     step = steps.dt or share * explicit_step(solids, sizes)
     count = steps.layers or count_layers(scene.duration, step)
     findings += [*bar_findings(model.few, step), *data_findings(data, step, count)]
+    if steps.dt is not None:
+        amid = 0.5 if is_explicit(method) and not scene.iterated else 0.0
+        findings += late_ends(scene, step, amid)
     for solid, (size, extents) in zip(solids, found, strict=True):
         findings += [
             *ringing_findings(solid, method, size),

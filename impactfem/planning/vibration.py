@@ -77,7 +77,7 @@ def follow_vibration(
     duration, layers, solve = scene.duration, steps.layers or 1, scene.solve
     fixed = solve.dt is not None or solve.courant is not None or steps.dt is None
     fixed = fixed or any(solid.relaxing for solid in scene.solids)
-    other = model.few or scene.couplings or scene.iterated
+    other = model.few or scene.couplings or scene.iterated or scene.ends
     if fixed or other or layers <= _WORTH * _LEAST or not _is_steady(scene, model, steps):
         return steps, False
     if scene.starts_at_rest and all(_rests(scene, part.system) for part in model.parts):
@@ -139,8 +139,8 @@ def _is_steady(scene: Scene, model: Any, steps: Steps) -> bool:
         solid, system = part.solid, part.system
         if any(load.follows for load in solid.pressures) or system.supports.formulas:
             return False
-        formulas = [formula for load in solid.tractions for formula in load.value]
-        formulas += [load.value for load in solid.pressures]
+        formulas = [formula for load in solid.tractions for formula in load.acting]
+        formulas += [load.acting for load in solid.pressures]
         low, high = part.outside.points.min(axis=0), part.outside.points.max(axis=0)
         places = np.random.default_rng(0).uniform(low, high, (_PLACES, system.dim))
         for formula in formulas:

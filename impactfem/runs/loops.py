@@ -92,6 +92,8 @@ def make_loop(
     few: Sequence[Marched],
     steps: tuple[float, int, float | None],
     progress: Progress,
+    *,
+    rests: bool,
 ) -> Loop:
     """Prepare a march (collective).
 
@@ -105,6 +107,7 @@ def make_loop(
         few: What marches the bodies without meshes.
         steps: Time step [s], number of layers, and stable step of explicit schemes [s].
         progress: Told of the stages.
+        rests: Whether it starts from equilibrium.
 
     Raises:
         SceneError: Bodies overlap, or loads drive one that starts at rest and is not held.
@@ -133,7 +136,7 @@ def make_loop(
     )  # fmt: skip
     made = _Making(
         model, numbers.linear_solver, scheme, each, few, surfaces, contacts, settings, progress, dt,
-        alone,
+        alone, rests,
     )  # fmt: skip
     if not iterates:
         started, joined, march = made.linear()
@@ -154,6 +157,7 @@ class _Making:
         settings: Of the march, but for its start.
         dt: Time step [s].
         alone: Whether each contact node of one solid has one gap.
+        rests: Whether the march starts from equilibrium.
     """
 
     model: SolidsModel
@@ -167,10 +171,7 @@ class _Making:
     progress: Progress
     dt: float
     alone: bool
-
-    @property
-    def _rests(self) -> bool:
-        return self.model.scene.starts_at_rest
+    rests: bool
 
     def _beginning(self, started: Started | None) -> LoopSettings:
         """The settings, with what a march takes of the equilibrium that it starts from."""
@@ -193,7 +194,7 @@ class _Making:
             How they came to rest; None if it was not asked for.
         """
         model = self.model
-        if not self._rests:
+        if not self.rests:
             return None
         gravity = np.asarray(model.scene.vector_gravity.at(0.0))
         spins = [spin_of(part) for part in model.parts]
@@ -354,7 +355,7 @@ class _Making:
             staggered = Staggered(joined).as_interior()
             whole = staggered if led else Composite([*solids, staggered], movable)
         started = None
-        if self._rests:
+        if self.rests:
             linear = linear_bodies(model, self.each, kind)
             started = self._start(linear, whole, whole.static, None, joined)
         march = SolidMarch if settings.friction is None else RubbingMarch

@@ -43,7 +43,11 @@ def planned_steps(
     if not scheme.explicit:
         if numbers.dt is None:
             raise SceneError("solve.dt: the plan has no time step; give solve.dt")
-        return numbers.dt, count_layers(duration, numbers.dt), None
+        layers = count_layers(duration, numbers.dt)
+        if scene.ends and numbers.layers is None and scene.solve.dt is None:  # other elements
+            layers = on_samples(scene, layers)
+            return duration / layers, layers, None
+        return numbers.dt, layers, None
     stable = {name: stable_step(*parts) for name, parts in discretised.items()}
     slowest = min(stable, key=lambda name: stable[name])
     limit = stable[slowest]
@@ -55,8 +59,14 @@ def planned_steps(
             f"method {plan.method} on the mesh of body {slowest}; use solve.dt <= "
             f'{_down(limit):g}, solve.courant <= 1, or method = "massless"'
         )
-    layers = on_samples(scene, count_layers(duration, dt))
+    amid = starts_amid(scheme)
+    layers = on_samples(scene, count_layers(duration, dt), amid=amid)
     return (dt if numbers.dt is not None else duration / layers), layers, limit
+
+
+def starts_amid(scheme: SolidScheme) -> float:
+    """Part of a step by which forces that a step begins with act before it begins."""
+    return 0.5 if scheme.staggered else 0.0
 
 
 def stable_step(model: SolidPart, surface: SurfaceNodes, transfer: Any) -> float:

@@ -5,10 +5,10 @@ import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -35,11 +35,12 @@ from impactfem.result.store import PARTIAL, SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
 from impactfem.runs.loops import make_loop
 from impactfem.runs.observed import Observed, Observer
+from impactfem.runs.rewinding import State
 from impactfem.runs.run import Checkpointing, checkpoint_every
 from impactfem.runs.samples import Places
 from impactfem.runs.solid_output import FieldOutput, Followed, followed
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
-from impactfem.runs.solid_steps import planned_steps
+from impactfem.runs.solid_steps import planned_steps, starts_amid
 from impactfem.scene import Scene
 from impactfem.system.few import ElasticBar, FewBodies, Lumped
 from impactfem.system.flexible_beam import FlexibleBeam
@@ -94,6 +95,9 @@ class Ready:
         others: These, as files of fields follow them.
         every: Layers between two that fields are kept of.
         transfers: What moves mass off contact nodes.
+        steps: Time step [s], number of layers, and the stable step of explicit schemes [s].
+        ends: Layer at which supports let go, and `later` goes on; the last one if none do.
+        later: The march after that.
     """
 
     scene: Scene
@@ -102,6 +106,34 @@ class Ready:
     others: Sequence[Followed]
     every: int
     transfers: Sequence[Any]
+    steps: tuple[float, int, float | None]
+    ends: int
+    later: "Ready | None" = None
+
+    def handed(self) -> "Ready":
+        """What goes on where supports let go: a march as one that is taken up again (collective).
+
+        What they moved goes on at the speed that it has then.
+        """
+        later, state = self.next, State.of(self.seen)
+        inside, first = dict(state.inside), 0
+        for part, other in zip(self.seen.model.parts, later.seen.model.parts, strict=True):
+            own = slice(first, first := first + len(part.system.constrained))
+            loose = part.system.constrained & ~other.system.constrained
+            speeds = part.system.prescribed_velocity(self.ends * self.seen.march.interior.dt)
+            if "velocity" in inside:  # else of steps, which are those that were made
+                inside["velocity"][own][loose] = speeds[loose]
+        inside.pop("acceleration", None)  # other forces act from here on
+        replace(state, inside=inside).restore(later.seen)
+        return later
+
+    @property
+    def next(self) -> "Ready":
+        """The later march, which knows how this one began."""
+        assert self.later is not None  # noqa: S101  (asked for at its end only)
+        seen = self.later.seen
+        loop = replace(seen.loop, started=self.seen.loop.started)
+        return replace(self.later, seen=replace(seen, loop=loop))
 
     def destroy(self) -> None:
         """Free what it holds (collective)."""
@@ -109,6 +141,8 @@ class Ready:
         for transfer in self.transfers:
             if transfer is not None:
                 transfer.destroy()
+        if self.later is not None:
+            self.later.destroy()
 
 
 # The loop looks itself whether numbers are finite.
@@ -145,8 +179,8 @@ def run_solids(
         own = checkpoint_every(scene, plan)
         layers = ready.seen.march.layers
         steps = int(own) if own >= 1.0 else max(1, round(own * layers)) * (own > 0.0)
-        fields = _march(scene, ready.seen, ready.others, (ready.every, steps), saved)
-        motion = solids_motion(ready.seen)
+        last, fields = _march(scene, ready, steps, saved)
+        motion = solids_motion(last.seen)
     finally:
         ready.destroy()
     return motion, fields
@@ -161,6 +195,20 @@ def prepare(
     progress.step("meshing and assembling")
     if model is None:
         model = solids_model(scene, numbers.degrees, updated=numbers.normals == "updated")
+    ready = None
+    # The last one first: what the least supports hold is the stiffest in explicit steps.
+    for end in reversed((None, *scene.ends)):
+        left = model if end is None else model.beside(scene.after(end))
+        ready = _prepared(scene, left, plan, progress, places, ready, rests=end is None)
+    return cast("Ready", ready)
+
+
+def _prepared(
+    whole: Scene, model: SolidsModel, plan: "Plan[MarchNumbers]", progress: Progress,
+    places: Places | None, later: Ready | None, *, rests: bool,
+) -> Ready:  # fmt: skip
+    """Prepare a march up to where supports let go and a later one goes on."""
+    scene, numbers = model.scene, plan.numbers
     scheme = scheme_of(plan.method, finite=any(solid.is_finite for solid in scene.solids))
     surfaces = [model.surface(k) for k in range(len(model.parts))]
     transfers = [
@@ -174,8 +222,8 @@ def prepare(
         if transfer is not None:
             check_inside(part.solid.name, part.system, surface)
     discretised = {parts[0].solid.name: parts for parts in each}
-    steps = planned_steps(scene, plan, scheme, discretised)
-    dt, layers, limit = steps
+    steps = planned_steps(whole, plan, scheme, discretised) if later is None else later.steps
+    dt, layers, _ = steps
     progress.step("preparing the time steps")
     marches = _STEPPERS if scene.iterated else _INTERIORS
     few = [
@@ -183,14 +231,17 @@ def prepare(
         for bodies in model.few
     ]
     iterates = model.takes_iterates(plan.method, numbers.active_set)
-    loop = make_loop(scene, model, numbers, scheme, iterates, each, few, steps, progress)
+    loop = make_loop(
+        scene, model, numbers, scheme, iterates, each, few, steps, progress,
+        rests=rests and scene.starts_at_rest,
+    )  # fmt: skip
     if model.joints:
         loop.joined.mirror(list(numbers.whole.levels))
     progress.step("marching")
     every = _every(scene, layers)
     try:
         kept = every if scene.output.fields else 0
-        seen = Observed.of(model, few, scheme, numbers, loop, limit, kept, places)
+        seen = Observed.of(model, few, scheme, numbers, loop, steps[2], kept, places)
         others = [
             body
             for k, part in enumerate(few, start=len(each))
@@ -199,7 +250,11 @@ def prepare(
     except BaseException:
         loop.march.interior.destroy()
         raise
-    return Ready(scene, seen, few, others, every, transfers)
+    ends = layers
+    if later is not None:
+        at = scene.ends[0]
+        ends = min(layers, round(at / dt + starts_amid(scheme))) if at else 0
+    return Ready(scene, seen, few, others, every, transfers, steps, ends, later)
 
 
 def _every(scene: Scene, layers: int) -> int:
@@ -209,15 +264,13 @@ def _every(scene: Scene, layers: int) -> int:
 
 
 def _march(
-    scene: Scene, seen: Observed, others: Sequence[Followed], often: tuple[int, int],
-    saved: Checkpointing,
-) -> StoredSnapshots | None:  # fmt: skip
-    """Run the loop with everything that looks at its levels.
+    scene: Scene, ready: Ready, steps: int, saved: Checkpointing
+) -> tuple[Ready, StoredSnapshots | None]:
+    """Run the loop with everything that looks at its levels; what ran last, and the fields.
 
-    Fields are kept, and checkpoints written, every so many layers (0: none).
+    Checkpoints are written every so many layers (0: none).
     """
-    every, steps = often
-    model, march, observers = seen.model, seen.march, seen.observers()
+    model = ready.seen.model
     comm, collector = model.comm, Collector(model.comm, model.own_numbers)
     none = np.zeros((0, model.dim))
     positions = np.concatenate([none, *(part.system.positions for part in model.parts)])
@@ -226,36 +279,66 @@ def _march(
         text = scene.to_toml(folder=folder)
         return Checkpoints(comm, collector, positions, folder, text, needed(scene.said))
 
-    shows = bool(model.parts) or any(np.size(body.shape.cells) for body in others)
+    shows = bool(model.parts) or any(np.size(body.shape.cells) for body in ready.others)
     keep = shows and bool(scene.output.fields)  # links without shapes have nothing to show
     place, passing = _spool_place(comm, saved.folder or saved.restart, keep=keep)
     kept = None
     if saved.restart is not None:
-        start = checkpoints(saved.restart).read(march)
-        seen.restore(start)
+        known = checkpoints(saved.restart)
+        layer = known.layer()
+        while ready.later is not None and ready.ends < layer:
+            ready = ready.next
+        start = known.read(ready.seen.march)
+        ready.seen.restore(start)
         kept = int(start["fields"])
     writer = None if saved.folder is None else checkpoints(saved.folder)
     if saved.folder is not None:
         on_root(comm, partial(scene.keep_meshes, saved.folder))
     if writer is not None and saved.restart is None:
         writer.forget()
-    output = None
-    if keep:
-        output = FieldOutput(model, collector, seen.loop.gaps, others, (every, march.layers))
-        output.open(place, kept)
-        observers.append(output)
-    if writer is not None and saved.folder is not None and steps:
-        observers.append(_saver(writer, seen, output, steps, saved.folder))
-    try:
-        march.run(observers)
-    except ConvergenceError as error:
-        if march.layer == 0:
-            raise
-        march.failure = str(error)  # what was computed is kept
-    finally:
-        if output is not None:
-            output.close()
-    return None if place is None else StoredSnapshots(place, passing=passing)
+
+    def watched(ready: Ready, kept: int | None) -> tuple[list[Observer], FieldOutput | None]:
+        """What looks at the levels of a march."""
+        seen, output = ready.seen, None
+        observers = seen.observers()
+        if keep:
+            often = ready.every, seen.march.layers
+            output = FieldOutput(seen.model, collector, seen.march.gaps, ready.others, often)
+            output.open(place, kept)
+            observers.append(output)
+        if writer is not None and saved.folder is not None and steps:
+            observers.append(_saver(writer, seen, output, steps, saved.folder))
+        return observers, output
+
+    last = _marched(ready, watched, kept)
+    return last, None if place is None else StoredSnapshots(place, passing=passing)
+
+
+def _marched(
+    ready: Ready,
+    watched: "Callable[[Ready, int | None], tuple[list[Observer], FieldOutput | None]]",
+    kept: int | None,
+) -> Ready:
+    """March to the end, through all times at which supports let go; what ran last."""
+    begun = False
+    while True:
+        observers, output = watched(ready, kept)
+        march = ready.seen.march
+        try:
+            if not begun:
+                march.begin(observers)
+            march.go_on(observers, ready.ends)
+            kept = None if output is None else output.count()
+        except ConvergenceError as error:
+            if march.layer == 0:
+                raise
+            march.failure = str(error)  # what was computed is kept
+        finally:
+            if output is not None:
+                output.close()
+        if ready.later is None or march.failure:
+            return ready
+        ready, begun = ready.handed(), True
 
 
 def _saver(

@@ -1,18 +1,27 @@
 """What happens on the surfaces of a solid: supports, tractions and pressures."""
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import AFormula, FormulaLike, Given, SomeFormulas
 from impactfem.scene.inline import Formulas
-from impactfem.scene.kinds import Choice, FormulaOf, Line, Switch
+from impactfem.scene.kinds import Choice, FormulaOf, Line, Real, Switch
 from impactfem.scene.schema import KeyedError, key, table
 
 SUPPORTS = ("fixed", "symmetry", "motion")
 SPACE = ("x", "y", "z")
 SURFACE = Line(100)
 _SURFACE_DOC = "name of a surface of the body"
+
+
+def until_key(what: str) -> Any:
+    """The key of the time at which something ends."""
+    return key(
+        Real(at_least=0),
+        f'when {what}; 0 with start = "static": it is part of the equilibrium alone',
+        unit="s", default=None, absent="for ever",
+    )  # fmt: skip
 
 
 _SPRINGS = ("stiffness", "rotational_stiffness")
@@ -59,8 +68,12 @@ class Support:
         default=None,
         absent="none",
     )
+    until: float | None = until_key("it lets go")
 
     def _check(self) -> None:
+        if self.mirrors and self.until is not None:
+            text = f" = {self.until:g} ends a plane of symmetry, which bodies cannot leave: remove "
+            raise KeyedError("support", "until", text + 'it, or give kind = "motion".')
         if self.moves:
             if self.value is None:
                 text = ' is missing: a motion needs formulas in t, as ["0", "0.1*sin(t)"].'
@@ -83,6 +96,11 @@ class Support:
         return self.kind == "symmetry"
 
 
+def supports_of(body: Any) -> tuple[Support, ...]:
+    """Those of a body that may let go."""
+    return tuple(s for s in getattr(body, "supports", ()) if isinstance(s, Support))
+
+
 @table("tractions = [{ ... }]")
 class Traction:
     """A force per area of the undeformed surface, in fixed directions.
@@ -97,6 +115,12 @@ class Traction:
     value: SomeFormulas = key(
         Formulas((*SPACE, "t")), "force per area in each direction", unit="Pa"
     )
+    until: float | None = until_key("it ends")
+
+    @property
+    def acting(self) -> tuple[Formula, ...]:
+        """Its value up to its end, and 0 after it [Pa]."""
+        return tuple(each.until(self.until) for each in self.value)
 
 
 @table("pressures = [{ ... }]")
@@ -119,3 +143,9 @@ class Pressure:
         default=None,
         absent="true under finite strain",
     )
+    until: float | None = until_key("it ends")
+
+    @property
+    def acting(self) -> Formula:
+        """Its value up to its end, and 0 after it [Pa]."""
+        return self.value.until(self.until)

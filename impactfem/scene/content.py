@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from impactfem.errors import SceneError
 from impactfem.methods import METHODS
 from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
 from impactfem.scene.body import Solver
+from impactfem.scene.boundary import supports_of
 from impactfem.scene.contacts import Contact
 from impactfem.scene.control import MAX_CONTROLS, Control
 from impactfem.scene.controllers import MAX_CONTROLLERS, Controller
@@ -331,6 +332,22 @@ class Content:
     def starts_at_rest(self) -> bool:
         """Whether bodies are in equilibrium before their velocities are added."""
         return self.start == STARTS[1]
+
+    @property
+    def ends(self) -> tuple[float, ...]:
+        """Times within the duration at which supports let go [s], in order."""
+        every = (each.until for body in self.bodies for each in supports_of(body))
+        return tuple(sorted({end for end in every if end is not None and end < self.duration}))
+
+    def after(self, time: float) -> Self:
+        """The scene with the supports that are left after a time [s]."""
+        bodies: list[Any] = []
+        body: Any
+        for body in self.bodies:
+            kept = tuple(s for s in supports_of(body) if s.until is None or s.until > time)
+            gone = len(kept) < len(supports_of(body))
+            bodies.append(replace(body, supports=kept) if gone else body)
+        return replace(self, bodies=tuple(bodies))
 
     @property
     def iterated(self) -> str:

@@ -118,7 +118,8 @@ def _check_signals(scene: Content) -> None:
 
 def _check_records(duration: float, table: Any, where: str) -> None:
     """The same for what stands in one table."""
-    end = min(duration, getattr(table, "until", None) or duration)
+    end = getattr(table, "until", None)
+    end = duration if end is None else min(duration, end)
     for name, (place, unit) in _places(cast("Any", type(table))).items():
         value = getattr(table, name)
         if isinstance(value, tuple | list):
@@ -183,9 +184,20 @@ def _check_bodies(scene: Content) -> None:
             raise error.moved(f"body[{index}]") from None
 
 
+def _check_ends(scene: Content, body: Any, place: str) -> None:
+    """Refuse what ends before it did anything."""
+    for name in () if scene.starts_at_rest else ("supports", "tractions", "pressures"):
+        for index, entry in enumerate(getattr(body, name, ())):
+            if getattr(entry, "until", None) == 0.0:
+                text = " = 0 ends before it did anything: give a later time, remove it, or give "
+                text += 'start = "static", so that the motion begins in equilibrium with it.'
+                raise KeyedError(place, f"{name}[{index}].until", text)
+
+
 def _check_marched(scene: Content) -> None:
     places = {body.name: f"body[{index}]" for index, body in enumerate(scene.bodies)}
     for body in scene.bodies:
+        _check_ends(scene, body, places[body.name])
         for index, support in enumerate(getattr(body, "supports", ())):
             name = "value" if hasattr(support, "value") else "motion"
             if not (given := getattr(support, name, None)):
@@ -197,7 +209,8 @@ def _check_marched(scene: Content) -> None:
             fitted = any(u.plain != 0.0 for u in each)
             begins = not (scene.starts_at_rest or fitted)
             key = f"supports[{index}].{name}"
-            check_motion(places[body.name], key, given, scene.duration, from_zero=begins)
+            end = min(scene.duration, getattr(support, "until", None) or scene.duration)
+            check_motion(places[body.name], key, given, end, from_zero=begins)
     check_finite(scene)
     check_relaxing(scene)
     _check_residual(scene)

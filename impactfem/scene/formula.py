@@ -163,6 +163,17 @@ class Formula:
         shifted._store(text, self.variables, tree, self.named)
         return shifted
 
+    def until(self, time: float | None) -> "Formula":
+        """Return this formula up to a time t [s] and 0 after it; itself if there is no end."""
+        if time is None:
+            return self
+        ended = object.__new__(Formula)
+        lasts: Node = ("call", "le", (("variable", "t"), float(time)))
+        tree: Node = ("call", "where", (lasts, self._tree, 0.0))
+        names = (*self.variables, *({"t"} - {*self.variables}))
+        ended._store(f"{self.text} until t = {time:g}", names, tree, self.named)
+        return ended
+
     def fixed(self, **numbers: float) -> "Formula":
         """Return this formula with numbers for some of its variables."""
         found = object.__new__(Formula)

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.scene.boundary import SURFACE, check_sprung
+from impactfem.scene.boundary import SURFACE, check_sprung, until_key
 from impactfem.scene.formula import Formula
 from impactfem.scene.given import AFormula, FormulaOrSome, MaybeTable
 from impactfem.scene.inline import FormulaOrFormulas, InlineTable
@@ -209,3 +209,9 @@ class FacePressure:
         "0 where it lies in it",
         unit="Pa",
     )
+    until: float | None = until_key("it ends")
+
+    @property
+    def acting(self) -> Formula:
+        """Its value up to its end, and 0 after it [Pa]."""
+        return self.value.until(self.until)

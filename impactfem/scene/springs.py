@@ -135,6 +135,10 @@ class SpringNet(BodyKind):
             if support.mirrors:
                 text = f' = {show(support.kind)} is not known of springs: give "fixed" or "motion".'
                 raise KeyedError(self.kind, f"supports[{index}].kind", text)
+            if support.until is not None:
+                text = f" = {support.until:g}: masses of springs are held for ever; remove it, or "
+                text += "model the body as a solid."
+                raise KeyedError(self.kind, f"supports[{index}].until", text)
             moved = support.value
             if moved is not None and (len(moved) != self.dim or None in moved):
                 text = f": masses of springs move along all {self.dim} axes; give a formula of each"

@@ -49,7 +49,7 @@ class FollowingPressures:
             used = np.unique(space.dofmap.list[np.unique(cells)].ravel()).astype(np.int64)
             label = f"pressure on {load.surface!r}"
             places = space.tabulate_dof_coordinates()[used, : nodes.dim]
-            values = FormulaValues(load.value, label, places, nodes.comm)
+            values = FormulaValues(load.acting, label, places, nodes.comm)
             self._values.append((dolfinx_fem.Function(space), values, used))
             pairs = np.stack([cells, sides], axis=1).ravel().astype(np.int32)
             self._facets.append((len(self._facets) + 1, pairs))

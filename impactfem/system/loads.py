@@ -307,7 +307,7 @@ def _surface_loads(
     loads = []
     for traction in solid.tractions:
         facets = surface_facets(surfaces, traction.surface, "traction")
-        for axis, formula in enumerate(traction.value):
+        for axis, formula in enumerate(traction.acting):
             if not (formula.is_constant and formula() == 0.0):
                 label = f"{_AXES[axis]} traction on {traction.surface!r}"
                 along = dolfinx_fem.Constant(mesh, np.eye(nodes.dim)[axis])
@@ -319,7 +319,7 @@ def _surface_loads(
         facets = surface_facets(surfaces, pressure.surface, "pressure")
         label = f"pressure on {pressure.surface!r}"
         form = forms.surface_load(space, fem.tag_facets(mesh, facets))
-        loads.append(_surface_load(nodes, space, facets, form, pressure.value, label))
+        loads.append(_surface_load(nodes, space, facets, form, pressure.acting, label))
     return loads
 
 

@@ -199,7 +199,7 @@ def discretised(
         on_faces=faces,
         touch=touch,
         loads=tuple(
-            (FACES[load.face], values(load.value, f"pressure on the {load.face}"))
+            (FACES[load.face], values(load.acting, f"pressure on the {load.face}"))
             for load in plate.pressures
         ),
         obstacles=obstacles,

@@ -25,6 +25,7 @@ class Supports:
 
     Attributes:
         constrained: Whether each owned degree of freedom is held or moved, shape (owned dofs,).
+        lasting: Which of them always are, (owned dofs,).
         moved: Owned degrees of freedom that follow a formula, shape (moved,).
         which: Index of the formula of each of ``moved``, shape (moved,).
         formulas: Displacements [m] in t, the same on all ranks.
@@ -33,6 +34,7 @@ class Supports:
     """
 
     constrained: NDArray[np.bool_]
+    lasting: NDArray[np.bool_]
     moved: Integers
     which: Integers
     formulas: tuple[Formula, ...]
@@ -73,8 +75,8 @@ def find_supports(
     Args:
         nodes: Nodes of the body.
         surfaces: Local facets of each named surface.
-        supports: With attributes ``surface``, ``kind`` ("fixed", "symmetry" or "motion") and
-            ``value`` (formula in t or None for each direction).
+        supports: With attributes ``surface``, ``kind`` ("fixed", "symmetry" or "motion"), ``value``
+            (formula in t or None for each direction) and ``until`` (None: for ever).
         axisymmetric: Whether nodes at x = 0 lie on the axis, which they cannot leave.
 
     Raises:
@@ -82,6 +84,7 @@ def find_supports(
             axisymmetric body that reaches beyond the axis.
         SceneError: Two supports contradict each other at a node.
     """
+    supports = sorted(supports, key=lambda each: each.until is not None)
     formulas: list[Formula] = [_ZERO]
     holder = [
         [(direction, _index(formulas, formula)) for direction, formula in enumerate(values)]
@@ -112,7 +115,10 @@ def find_supports(
                 _hold(nodes, state, by, dofs, index, k, labels, formulas)
     moved = np.flatnonzero(state > 0)
     planes = _bounding_planes(nodes, levels, axisymmetric=axisymmetric)
-    return Supports(state != _FREE, moved, state[moved] - 1, tuple(formulas[1:]), planes)
+    held = state != _FREE
+    ending = np.array([*(each.until is not None for each in supports), False])
+    which = state[moved] - 1
+    return Supports(held, held & ~ending[by], moved, which, tuple(formulas[1:]), planes)
 
 
 def _bounding_planes(

@@ -194,13 +194,19 @@ def _boundary(solid: Any) -> str:
             "symmetry": "does not move along its normal",
             "motion": f"is moved by {formulas(support.value or (), 'm')}",
         }[support.kind]
-        text += f" Its surface {support.surface} {how}."
+        text += f" Its surface {support.surface} {how}{_end(support)}."
     for load in solid.tractions:
-        text += f" A force per area {formulas(load.value, 'Pa')} acts on {load.surface}."
+        text += f" A force per area {formulas(load.value, 'Pa')} acts on {load.surface}"
+        text += f"{_end(load)}."
     for load in solid.pressures:
         follows = ", which it follows" if load in solid.following else ""
-        text += f" A pressure {formula(load.value, 'Pa')} pushes on {load.surface}{follows}."
+        text += f" A pressure {formula(load.value, 'Pa')} pushes on {load.surface}{follows}"
+        text += f"{_end(load)}."
     return text
+
+
+def _end(what: Any) -> str:
+    return "" if what.until is None else f", until {quantity(what.until, 's')}"
 
 
 def _damping(body: Any) -> str:
@@ -338,7 +344,8 @@ def _plate(scene: Scene, plate: Any) -> str:
         if (moved := support.led(plate.frame[1][2])) is not None:
             text += f" It moves by {formula(moved, 'm')} along the normal."
     for load in plate.pressures:
-        text += f" A pressure {formula(load.value, 'Pa')} pushes on its {load.face}."
+        text += f" A pressure {formula(load.value, 'Pa')} pushes on its {load.face}"
+        text += f"{_end(load)}."
     if not is_zero((plate.displacement,)):
         text += f" It starts with the displacement {formula(plate.displacement, 'm')},"
         text += f" and the velocity {formula(plate.velocity, 'm/s')} along the normal."
