@@ -118,9 +118,11 @@ class Ready:
         later, state = self.next, State.of(self.seen)
         inside, first = dict(state.inside), 0
         for part, other in zip(self.seen.model.parts, later.seen.model.parts, strict=True):
-            own = slice(first, first := first + len(part.system.constrained))
-            loose = part.system.constrained & ~other.system.constrained
-            speeds = part.system.prescribed_velocity(self.ends * self.seen.march.interior.dt)
+            held, kept = part.system.supports, other.system.supports
+            own = slice(first, first := first + len(held.constrained))
+            loose = held.constrained & ~kept.constrained
+            speeds = np.zeros(len(loose))
+            speeds[held.moved] = held.motion(self.ends * self.seen.march.interior.dt)[1]
             if "velocity" in inside:  # else of steps, which are those that were made
                 inside["velocity"][own][loose] = speeds[loose]
         inside.pop("acceleration", None)  # other forces act from here on
@@ -198,17 +200,18 @@ def prepare(
     ready = None
     # The last one first: what the least supports hold is the stiffest in explicit steps.
     for end in reversed((None, *scene.ends)):
-        left = model if end is None else model.beside(scene.after(end))
-        ready = _prepared(scene, left, plan, progress, places, ready, rests=end is None)
+        left = scene if end is None else scene.after(end)
+        own = model if end is None else model.beside(left)
+        ready = _prepared(scene, left, own, plan, progress, places, ready, rests=end is None)
     return cast("Ready", ready)
 
 
 def _prepared(
-    whole: Scene, model: SolidsModel, plan: "Plan[MarchNumbers]", progress: Progress,
-    places: Places | None, later: Ready | None, *, rests: bool,
+    whole: Scene, scene: Scene, model: SolidsModel, plan: "Plan[MarchNumbers]",
+    progress: Progress, places: Places | None, later: Ready | None, *, rests: bool,
 ) -> Ready:  # fmt: skip
-    """Prepare a march up to where supports let go and a later one goes on."""
-    scene, numbers = model.scene, plan.numbers
+    """Prepare a march with the supports of a scene, after which a later one may go on."""
+    numbers = plan.numbers
     scheme = scheme_of(plan.method, finite=any(solid.is_finite for solid in scene.solids))
     surfaces = [model.surface(k) for k in range(len(model.parts))]
     transfers = [
