@@ -104,10 +104,11 @@ def _moved(times: Floats, speed: Floats, rate: Floats, damping: float) -> Floats
     return moved
 
 
-def carried(scene: Scene, system: ElasticSystem) -> Drives:
+def carried(scene: Scene, system: ElasticSystem, *, known: bool) -> Drives:
     """The rigid motion that comes nearest to what supports do to the nodes they hold (collective).
 
-    What supports leave free does not count: a body that swings on one of them is not known.
+    What supports leave free does not count: a body that swings on one of them is not known, nor,
+    where ``known`` is false, one that they let go.
     """
     times = np.linspace(0.0, scene.duration, _SAMPLES)
     supports, size = system.supports, system.nodes.size
@@ -129,6 +130,6 @@ def carried(scene: Scene, system: ElasticSystem) -> Drives:
     values = np.array(
         [np.broadcast_to(formula(t=times), times.shape) for formula in supports.formulas]
     ).reshape(-1, len(times))
-    known = bool(np.isfinite(values).all())
+    known = known and bool(np.isfinite(values).all())
     motion = np.nan_to_num(values).T @ right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
     return Drives(times, motion[:, :3], motion[:, 3:] / size, loaded=False, known=known)

@@ -117,7 +117,9 @@ def flyer(scene: Scene, solid: Solid, system: ElasticSystem, outside: Boundary) 
         outside: Its faces.
     """
     planes = dict(system.supports.planes)
-    held = any(not support.mirrors for support in solid.supports)
+    # What lets go at once flies; where and how fast one is that lets go later is not known.
+    held = any(not support.mirrors and support.until != 0.0 for support in solid.supports)
+    lets_go = any(support.until in scene.ends for support in solid.supports)
     mass, centre = system.total_mass, system.center_of_mass
     arm = as_vectors(system.positions - centre)
     own = np.einsum("k,ki,kj->ij", system.node_mass, arm, arm)
@@ -150,7 +152,7 @@ def flyer(scene: Scene, solid: Solid, system: ElasticSystem, outside: Boundary) 
         inverse=inverse,
         centre=as_vectors(centre),
         spin=spin,
-        drives=carried(scene, system)
+        drives=carried(scene, system, known=not lets_go)
         if held
         else flown(scene, solid, system, inverse, (velocity, spin)),
         points=as_vectors(outside.points + moved)[touching],

@@ -218,13 +218,16 @@ def count_layers(duration: float, dt: float) -> int:
     return max(1, math.ceil(count))
 
 
-def late_ends(scene: Scene, dt: float, amid: float) -> list[Finding]:
+def late_ends(scene: Scene, dt: float | None, *, amid: bool) -> list[Finding]:
     """Supports that steps of a length [s] cannot let go when they should; see `on_samples`."""
-    found = []
+    found: list[Finding] = []
+    if dt is None:
+        return found
     for end in scene.ends:
-        at = end / dt + amid * (end > 0.0)
+        at = end / dt + 0.5 * amid * (end > 0.0)
         if abs(at - round(at)) > _SOON:
-            when = f"{(round(at) - amid) * dt:.6g} s, the end of a time step"
+            where = "amid" if amid else "the end of"
+            when = f"{(round(at) - 0.5 * amid) * dt:.6g} s, {where} a time step"
             text = f"supports let go at t = {when}, instead of {end:g} s"
             remedy = "leave solve.dt out, or give one of which it is a multiple"
             found.append(Finding("load_unresolved", "note", text, remedy=remedy))

@@ -118,10 +118,11 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     share = (steps.courant or 1.0) / SHARE_OF_STABLE
     step = steps.dt or share * explicit_step(solids, sizes)
     count = steps.layers or count_layers(scene.duration, step)
-    findings += [*bar_findings(model.few, step), *data_findings(data, step, count)]
-    if steps.dt is not None:
-        amid = 0.5 if is_explicit(method) and not scene.iterated else 0.0
-        findings += late_ends(scene, step, amid)
+    findings += [
+        *bar_findings(model.few, step),
+        *data_findings(data, step, count),
+        *late_ends(scene, steps.dt, amid=is_explicit(method) and not scene.iterated),
+    ]
     for solid, (size, extents) in zip(solids, found, strict=True):
         findings += [
             *ringing_findings(solid, method, size),
