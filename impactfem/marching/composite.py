@@ -135,6 +135,13 @@ class Bodies[P: Stepper]:
             own = slice(cuts[k], cuts[k + 1])
             part.restore({n: values[own] for n, values in state.items()}, surface[self.own(k)])
 
+    def relax(self, loose: Booleans, time: float) -> None:
+        """Take what supports let go of at a time [s], of owned dofs of solids (collective)."""
+        cuts = np.cumsum([0, *(len(part.velocity) for part in self.parts)])
+        for k, part in enumerate(self.parts):
+            if hasattr(part, "relax"):  # others have no supports, or ask for nothing
+                part.relax(loose[cuts[k] : cuts[k + 1]], time)
+
     def destroy(self) -> None:
         """Free what PETSc holds."""
         for part in self.parts:

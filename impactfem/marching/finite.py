@@ -39,6 +39,8 @@ _SHARE = 1e-3  # of the inertia that sets the scale of forces, where a body flie
 _SLOW = 0.1  # share of its fault that an iterate may leave before the tangent is renewed
 _ACCURACY = 1e-11  # of forces
 _ROUNDING = 5e-16  # of what moves the stiffest node as far as the body goes
+_SOON = 1e-3  # of a layer, in which what has mass stays where it is
+_RELAXED, _BALANCED = 20, 1e-9  # iterates, and share of the forces that they leave
 _HALVINGS = 6  # of a Newton step that turns cells inside out
 
 
@@ -372,6 +374,36 @@ class FiniteMidpoint(FiniteBody):
         self.displacement = np.array(state["displacement"])
         self.velocity = np.array(state["velocity"])
         self._strain.restore(state)
+
+    def relax(self, loose: Booleans, time: float) -> None:
+        """Balance contact nodes that supports let go, without the inside moving (collective).
+
+        They carry no mass. Midpoints of steps alone would be in equilibrium, and their forces
+        change signs from step to step.
+
+        Raises:
+            ConvergenceError: Cells turn inside out, or no equilibrium was found.
+        """
+        strain, surface = self._strain, self._still & ~self.constrained
+        self.begin(time, time + _SOON * self.dt)
+        strain.retard(0.0, self.span)
+        kept, first = None, 0.0
+        for _ in range(_RELAXED):
+            here = self.after = self.displacement
+            rest = self._loads + strain.pressed(here, here) - strain.force(here, here)
+            # What contact and joints press does not change.
+            kept = np.where(loose, 0.0, rest) if kept is None else kept
+            rest = np.where(surface, rest - kept, 0.0)
+            own = float(np.abs(rest).max(initial=0.0))
+            left = self._system.comm.allreduce(own, op=MPI.MAX)
+            first = first or left
+            if left <= _BALANCED * first:
+                return
+            self.renew()
+            # Of a step that begins and ends there both ends move.
+            self._move(np.where(surface, 0.5 * self._solved(rest), 0.0))
+            self.displacement = self.after
+        raise ConvergenceError(f"the surface found no equilibrium at t = {time:g} s")
 
     def destroy(self) -> None:
         """Free PETSc's objects."""

@@ -230,6 +230,10 @@ class FiniteLeapfrog(FiniteBody):
             self._following.put(*around)
         self._pull = self._drive.gravity(*around)
 
+    def relax(self, loose: Booleans, time: float) -> None:  # noqa: ARG002  (the march does it)
+        """Take the loads of a level at which supports let go (collective)."""
+        self._level(time)
+
     def touch(self, normals: Floats) -> None:
         """Nothing: nodes touch themselves."""
 

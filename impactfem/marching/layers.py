@@ -24,6 +24,9 @@ class Sums:
         attitude: Of bodies that may turn far, sum of m x (X - c)^T [kg m^2], whose polar factor is
             the rotation, and sum of m a a^T with the arms from the present centre, (2 dim dim,);
             of others None: their spins sum up to their rotation.
+        early: Energy of which steps know nothing from here on [J]: what conserves
+            v M v / 2 + u_0 K u_1 / 2 after a half step at a_0 has dt^2 a_0 M a_0 / 8 less than the
+            start.
     """
 
     kinetic: float
@@ -33,6 +36,7 @@ class Sums:
     first_moment: Floats
     angular_momentum: Floats
     attitude: Floats | None = None
+    early: float = 0.0
 
 
 class Backward(NamedTuple):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.arrays import Floats
+from impactfem.arrays import Booleans, Floats
 from impactfem.compiled import compiled
 from impactfem.marching.layers import Backward, Ends, MaterialSums, Sums
 from impactfem.marching.turning import Turning
@@ -117,6 +117,7 @@ class Leapfrog:
         self._spins: Floats | None = None
         self._sums = np.zeros(2 + 2 * system.dim + len(self._turning.inertia))
         self.share, self._work = 1.0, 0.0
+        self._given: Floats | None = None  # the step that the first half step began with
         self._contact = self._contact_at(0.0)
 
     @property
@@ -186,6 +187,7 @@ class Leapfrog:
         # two layers: the share is in the one that lies before t = 0 and is missing.)
         self.share = 0.5 if first and self._statics is not None else 1.0
         keep, gain = (1.0, 0.5 * self._gain) if first else (self._keep, self._gain)
+        self._given = self._step.copy() if first else None
         _advance(
             self.displacement, self._step, self._forces, self._load, self._inverse,
             self.gravity(start, end), keep, gain,
@@ -223,6 +225,9 @@ class Leapfrog:
         values = self.share * self._gain * self._inverse[where] * values
         self._step[where] += values
         self.displacement[where] += values
+        if self._given is not None and self._statics is None:  # nodes that are struck
+            struck = where[values != 0.0]
+            self._given[struck] = self._step[struck]
         if change is None and self._statics is not None:
             change = self._statics.equilibrium_of_near(values)
         if change is not None:
@@ -233,7 +238,15 @@ class Leapfrog:
         if self._statics is not None:
             self._surface.spread(self._contact, self.displacement)
             self._surface.spread(self._contact - self._before, self._step)
-        return self._summed(1.0)
+        found = self._summed(1.0)
+        if self._given is not None:
+            change = np.where(self._inverse > 0.0, self._step - self._given, 0.0) / self.dt
+            found[0].early = 0.5 * float(self._mass @ change**2)
+        return found
+
+    def relax(self, loose: Booleans, time: float) -> None:  # noqa: ARG002  (as others)
+        """Put contact nodes, which carry no mass, where they are without supports (collective)."""
+        self._contact = self._contact_at(time)
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""

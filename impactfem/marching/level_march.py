@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from impactfem.arrays import Floats, Integers
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.gaps_beside import GapsBeside
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
@@ -57,7 +57,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
         self._active = self._force > 0.0
         self._held = np.where(self._active, gap, np.nan)
         self._fresh, self._stuck = np.zeros_like(self._active), self._active.copy()
-        self._stale = True
+        self._stale, self._released = True, False
         directions = self._directed(self._normals[own])
         force = np.zeros(directions.shape[:2])
         if settings.rest is not None:
@@ -118,6 +118,23 @@ class LevelMarch(TimeLoop[LevelStepper]):
         self._acting = LevelForces(*(memory[f"level.{name}"] for name in names))
         self._normals = self._acting.directions[:, 0]
 
+    def release(self, loose: Booleans) -> None:
+        """Go on with the forces of the level as it is without supports; see `TimeLoop`."""
+        super().release(loose)
+        interior, rows, time = self.interior, self.rows, self.layer * self.interior.dt
+        before, begin = interior.unbalanced(), interior.surface_displacement
+        self._stale = self._released = True
+        self._settle(begin, time, time)
+        after, way = interior.unbalanced(), interior.surface_displacement - begin
+        self._balance(first=True)
+        # Other forces make other terms of the step in the energy of the same motion. What nodes
+        # without mass give off as they are let go is lost.
+        told = rows.sums[self.layer, :, 1].sum() - sum(
+            each.elastic for each in interior.finish(self.contact.static)
+        )
+        lost = 0.5 * float(((before + after) * way).sum()) * (self._comm.rank == 0)
+        rows.early[self.layer + 1] = told + lost
+
     def _directed(self, normals: Floats) -> Floats:
         """Directions of forces in the gaps, (gaps, ways, dim)."""
         return normals[:, None]
@@ -147,8 +164,12 @@ class LevelMarch(TimeLoop[LevelStepper]):
         self.layer = layer + 1
         static = np.zeros_like(state.static)
         self.rows.put(self.layer, interior.finish(static))
-        if layer == 0:  # of linear steps this part stays
-            self.rows.sums[0, :, 1] += interior.between - wanting
+        begun = interior.between - wanting  # of linear steps this part stays
+        if self._released:
+            self.rows.early[self.layer] -= begun.sum()
+        elif layer == 0:
+            self.rows.sums[0, :, 1] += begun
+        self._released = False
         force, gap = self._force, self._gap
         if (beside := self._beside) is not None:
             also, normals = beside.march.contact, self._acting.directions[:, 0]

@@ -89,7 +89,7 @@ class Level:
         return found
 
 
-OF_RANKS = ("sums", "attitude", "probes")
+OF_RANKS = ("sums", "attitude", "probes", "early")
 """Rows to which each rank adds its part; the others are the same on all ranks."""
 
 
@@ -118,6 +118,7 @@ class Rows:
             the normal turned by -90 degrees, in space a vector, (rows, pairs, 1 or 3); else empty.
         slip: Way slid in the layer [m], the mean over the gaps by their normal force; in the plane
             with the same sign, in space its length, (rows, pairs); without friction empty.
+        early: See `Sums`, of this rank, (rows,).
         probes: What this rank adds to the columns of probes, (rows, columns).
         place: Sum of places times normal forces, impacts included [N m], (rows, pairs, dim).
         moment: Moments of the lasting forces of each pair about the centre of its first body [N m],
@@ -126,6 +127,7 @@ class Rows:
 
     sums: Floats
     attitude: Floats
+    early: Floats
     gap: Floats
     force: Floats
     contact_energy: Floats
@@ -161,7 +163,7 @@ class Rows:
         each: list[Any] = [
             sums,
             attitude,
-            *np.zeros((13, rows)),
+            *np.zeros((14, rows)),
             *np.zeros((2, rows), dtype=np.int64),
         ]
         each += [pair_force, pair_gap, pair_impact, np.zeros((rows, rubbing, turns))]
@@ -188,6 +190,7 @@ class Rows:
             self.sums[row], self.attitude[row] = bodies.sums, bodies.attitude
             return
         row_of, dim = self.sums[row], self.attitude.shape[-1]
+        self.early[row] += sum(sums.early for sums in bodies)
         row_of[:, :3] = [(sums.kinetic, sums.elastic, sums.work) for sums in bodies]
         row_of[:, 3 : 3 + dim] = [sums.momentum for sums in bodies]
         row_of[:, 3 + dim : 3 + 2 * dim] = [sums.first_moment for sums in bodies]

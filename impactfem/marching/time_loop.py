@@ -265,6 +265,15 @@ class TimeLoop[I: Stepper](ABC):
         self._gaps.remember(memory)
         self.layer = layer
 
+    def release(self, loose: Booleans) -> None:
+        """Go on where supports let go: what carries no mass is in equilibrium (collective).
+
+        Args:
+            loose: Which owned dofs of solids they let go, (dofs,).
+        """
+        if hasattr(self.interior, "relax"):  # others find that equilibrium in each step
+            self.interior.relax(loose, self.layer * self.interior.dt)
+
     def run(self, observers: Sequence[Callable[[Level], None]] = ()) -> None:
         """March to the end; observers see every level, the initial one included.
 

@@ -146,6 +146,7 @@ class TippedLeapfrog(Tipped, Leapfrog):
                 self._still, 0.0, (1.0 - self._leads) * (slow - self._step)
             )
             self._contact = self._contact_at(end + half)
+            self._given = None  # this way has the energy of the start
         self.rates_ahead = self._of_tips(self._step) / self.dt
         self._joined = self._kick = np.zeros(len(self._rows))
 

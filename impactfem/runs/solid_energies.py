@@ -19,17 +19,21 @@ INERTIA_LIMITS = (0.01, 0.1)
 """Shares of the energy of a body that its masses miss as it turns."""
 
 
-def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats) -> Floats:
+def elastic_energy(
+    scheme: SolidScheme, rows: Rows, elastic: Floats, early: Floats
+) -> Floats:
     """Elastic energy of each layer [J], (rows,).
 
     Args:
         scheme: What has marched.
         rows: As the march has left them.
         elastic: Sums of the elastic energy [J], without that of contact for explicit schemes.
+        early: Of all ranks, as `Rows` has it [J], (rows,).
     """
+    elastic = elastic + np.cumsum(early)
     if not scheme.staggered:
         return elastic + rows.spring_energy + rows.held_energy
-    energy, held = elastic.copy(), rows.spring_energy.copy()
+    energy, held = elastic, rows.spring_energy.copy()
     if scheme.massless:
         held += rows.contact_energy
     energy[1:] += 0.5 * (held[1:] + held[:-1])  # amid layers, as all else

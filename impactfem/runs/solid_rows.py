@@ -70,7 +70,7 @@ def solids_motion(seen: Observed) -> SolidsMotion:
     done = min(march.layer + 1, int(np.argmax(bad)) if bad.any() else len(each))
     rows, each = march.rows.first(done).times(whole.factor), whole.factor * each[:done]
     together = each.sum(axis=1)
-    elastic = elastic_energy(scheme, rows, together[:, 1])
+    elastic = elastic_energy(scheme, rows, together[:, 1], total(model.comm, rows.early))
     work = work_done(march, rows, together, model.scene.vector_gravity, explicit=scheme.staggered)
     attitudes = total(model.comm, rows.attitude)
     placed = [part.system.displacement for part in model.parts]

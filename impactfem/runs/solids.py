@@ -116,7 +116,7 @@ class Ready:
         What they moved goes on at the speed that it has then.
         """
         later, state = self.next, State.of(self.seen)
-        inside, first = dict(state.inside), 0
+        inside, first, loosened = dict(state.inside), 0, []
         for part, other in zip(self.seen.model.parts, later.seen.model.parts, strict=True):
             held, kept = part.system.supports, other.system.supports
             own = slice(first, first := first + len(held.constrained))
@@ -125,8 +125,9 @@ class Ready:
             speeds[held.moved] = held.motion(self.ends * self.seen.march.interior.dt)[1]
             if "velocity" in inside:  # else of steps, which are those that were made
                 inside["velocity"][own][loose] = speeds[loose]
-        inside.pop("acceleration", None)  # other forces act from here on
+            loosened.append(loose)
         replace(state, inside=inside).restore(later.seen)
+        later.seen.march.release(np.concatenate(loosened))
         return later
 
     @property

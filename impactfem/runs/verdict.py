@@ -111,6 +111,9 @@ def _energy(scene: Scene, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     if not is_damped(scene):
         text = f"{percent(-change)} of the energy is lost, though nothing in the scene takes it"
         remedy = f"take {_finer(scene, 'and')}, or a method that conserves energy"
+        if scene.ends:
+            remedy = f"take {_finer(scene, 'and')}, or leave surfaces that supports let go of out "
+            remedy += "of contact_surfaces: what may touch carries no mass"
         lost = by_limits("energy_loss", -change, (LOSS_LIMIT, np.inf), text, remedy=remedy)
         if lost:
             return lost

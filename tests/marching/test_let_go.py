@@ -40,8 +40,10 @@ def end_of_rod(t, until):
 
 @pytest.mark.parametrize("until", [0.0, 1.3e-5])
 @pytest.mark.parametrize(
-    ("strain", "method"), [("small", "massless"), ("small", "explicit"), ("finite", "conserving")]
-)
+    ("strain", "method"), [
+        ("small", "massless"), ("small", "explicit"), ("finite", "conserving"),
+        ("finite", "explicit"),
+    ])  # fmt: skip
 def test_a_rod_released_from_a_stretch_is_dalemberts(strain, method, until):
     result = impactfem.solve(rod(until, strain=strain, duration=3.77e-4, method=method))
     t = result.history["time"].values
@@ -54,8 +56,46 @@ def test_a_rod_released_from_a_stretch_is_dalemberts(strain, method, until):
     first = (t > until) & (t < until + 1e-4)
     pulled = -np.polyfit(t[first], result.history["momentum.x"].values[first], 1)[0]
     assert pulled == pytest.approx(force, rel=2e-3)
+    energy = result.history["total_energy"].values  # explicit steps keep it to their order
+    assert np.ptp(energy) < (5e-5 if (strain, method) == ("finite", "explicit") else 1e-9) * energy[0]
+
+
+METHODS = [
+    ("small", "massless"), ("small", "explicit"), ("finite", "massless"), ("finite", "explicit"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("until", [0.0, 1e-4])
+@pytest.mark.parametrize(("strain", "method"), METHODS)
+def test_an_end_that_may_touch_loses_what_strains_its_elements(strain, method, until):
+    """Its nodes carry no mass: they are in equilibrium at once, in every step from then on."""
+    scene = said(until, strain=strain, duration=3.77e-4, method=method)
+    scene["body"][0]["contact_surfaces"] = ["right"]
+    scene["obstacle"] = [{"name": "wall", "kind": "half_space", "normal": [-1, 0], "point": [2, 0]}]
+    result = impactfem.solve(Scene.from_dict(scene))
+    t, found = (result.history[name].values for name in ("time", "end.ux"))
     energy = result.history["total_energy"].values
-    assert np.ptp(energy[1:]) < 2e-3 * energy[0]
+    after = t > until + 1.01 * t[1]
+    assert energy[0] == pytest.approx(1e4, rel=2e-3)
+    # One of 20 elements, and with it .05 of the energy.
+    np.testing.assert_allclose(energy[after], 0.95 * energy[0], rtol=5e-5)
+    assert np.mean(found - end_of_rod(t, until)) == pytest.approx(0.0, abs=3e-3 * PULL)
+    assert np.abs(np.diff(found[after], 2)).max() < 0.01 * PULL  # no change of sign in each step
+
+
+@pytest.mark.parametrize("until", [1e-4, 3.3e-4])
+@pytest.mark.parametrize(("strain", "method"), METHODS)
+def test_a_moving_body_keeps_its_energy_when_it_is_let_go(strain, method, until):
+    """With full speed amid the rod, and with large forces at its end."""
+    scene = said(until, strain=strain, duration=5e-4, method=method, start="given")
+    wave = f"sin({np.pi}*x)"
+    scene["body"][0] |= {
+        "displacement": [f"1e-3*{wave}", "0"], "velocity": [f"5*sin(2*{np.pi}*x)", "0"],
+        "supports": [{"surface": "left", "kind": "fixed"},
+                     {"surface": "right", "kind": "fixed", "until": until}],
+    }  # fmt: skip
+    energy = impactfem.solve(Scene.from_dict(scene)).history["total_energy"].values
+    np.testing.assert_allclose(energy, energy[0], rtol=5e-5)
 
 
 def test_steps_end_where_supports_let_go():
