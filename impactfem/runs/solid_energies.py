@@ -19,9 +19,7 @@ INERTIA_LIMITS = (0.01, 0.1)
 """Shares of the energy of a body that its masses miss as it turns."""
 
 
-def elastic_energy(
-    scheme: SolidScheme, rows: Rows, elastic: Floats, early: Floats
-) -> Floats:
+def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats, early: Floats) -> Floats:
     """Elastic energy of each layer [J], (rows,).
 
     Args:

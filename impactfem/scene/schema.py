@@ -222,6 +222,9 @@ def _hint(name: str, known: list[str], own: str) -> str:
     if siblings:
         kinds = " or ".join(show(_TABLES[heading].kind) for heading in siblings)  # type: ignore[attr-defined]
         return f"only kind = {kinds} has it; {meant}"
+    lists = [h for h in homes if "[{" in own and h.partition(" = ")[0] == own.partition(" = ")[0]]
+    if lists:
+        return f"only {' or '.join(lists)} of other bodies has it; {meant}"
     if _family(own) == "[[obstacle]] with " and "[[body]] with " in map(_family, homes):
         text = "it belongs to bodies, and obstacles move by motion and rotation only; remove it, or"
         return f"{text} give a body."
