@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from impactfem.arrays import Booleans
-from impactfem.contact.boundary import Boundary
 from impactfem.contact.reach import Reach, reach
 from impactfem.contact.surfaces import ContactNodes, contact_nodes
 from impactfem.errors import SceneError
@@ -14,7 +12,6 @@ from impactfem.fem import MPI
 from impactfem.scene import Scene, Solid
 from impactfem.scene.apartness import may_be_struck
 from impactfem.scene.pairing import surfaces_on
-from impactfem.system.elastic import ElasticSystem
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidPart
@@ -58,30 +55,22 @@ def surfaces_of(scene: Scene, solid: Solid, obstacles: Sequence[Any]) -> Sequenc
     return solid.contact_surfaces if "" in asked else asked
 
 
-def contact_of(
-    comm: Any,
-    scene: Scene,
-    solid: Solid,
-    system: ElasticSystem,
-    outside: Boundary,
-    obstacles: Sequence[Any],
-    bound: Reach,
-    joined: Booleans,
-) -> ContactNodes:
+def contact_of(part: "SolidPart") -> ContactNodes:
     """Nodes of a solid that can touch obstacles, at least one (collective).
 
-    Those that joints hold, `joined`, leave these.
+    Those that joints hold leave these.
 
     Raises:
         SceneError: The solid is inside an obstacle at t = 0, or a surface is unknown.
     """
+    solid, system, obstacles = part.solid, part.system, part.obstacles
     cuts = [support.surface for support in solid.all_supports if support.mirrors]
     if solid.is_axisymmetric:
         cuts.append("axis")
     return contact_nodes(
-        comm, outside, obstacles, system.numbers, system.supports.lasting, system.displacement,
-        bound, name=solid.name, surfaces=surfaces_of(scene, solid, obstacles),
-        symmetry=cuts, axisymmetric=solid.is_axisymmetric, joined=joined,
+        part.comm, part.outside, obstacles, system.numbers, system.supports.lasting, part.begun,
+        part.reach, name=solid.name, surfaces=surfaces_of(part.scene, solid, obstacles),
+        symmetry=cuts, axisymmetric=solid.is_axisymmetric, joined=part.joined,
         turns=solid.is_finite or any(obstacle.rotation for obstacle in obstacles),
     )  # fmt: skip
 

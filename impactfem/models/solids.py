@@ -68,6 +68,7 @@ class SolidPart:
         degree: Degree of its elements.
         mesh: Its mesh.
         ties: Those of the scene.
+        first: The body as it begins, where supports have let go of it since: contact stays there.
     """
 
     comm: Any
@@ -76,6 +77,7 @@ class SolidPart:
     degree: int
     mesh: BodyMesh
     ties: Ties = field(repr=False, compare=False)
+    first: "SolidPart | None" = field(default=None, repr=False, compare=False)
 
     @cached_property
     def system(self) -> ElasticSystem:
@@ -103,9 +105,21 @@ class SolidPart:
         return WithinBody.of(self.outside, (every, every))
 
     @cached_property
+    def begun(self) -> Floats:
+        """Displacement at t = 0 as far as it is known, of the owned dofs [m].
+
+        Bodies that start in equilibrium are looked at undeformed: what supports move by then would
+        be the only nodes that have moved.
+        """
+        if self.first is not None:
+            return self.first.begun
+        found = self.system.displacement
+        return np.zeros_like(found) if self.scene.starts_at_rest else found
+
+    @cached_property
     def places(self) -> Floats:
         """Places of the nodes of the outside at t = 0 [m], (nodes, dim) (collective likewise)."""
-        return self.places_at(self.system.displacement)
+        return self.places_at(self.begun)
 
     def places_at(self, displacement: Floats) -> Floats:
         """The same for another displacement of the owned dofs [m] (collective)."""
@@ -142,7 +156,7 @@ class SolidPart:
     @cached_property
     def reach(self) -> Reach:
         """Bound of its way within the duration (collective at the first use)."""
-        return reach_of(self)
+        return reach_of(self) if self.first is None else self.first.reach
 
     @cached_property
     def contact(self) -> ContactNodes | None:
@@ -151,12 +165,11 @@ class SolidPart:
         Raises:
             SceneError: The body is inside an obstacle at t = 0, or a surface is unknown.
         """
+        if self.first is not None:
+            return self.first.contact
         if not self.obstacles:
             return None
-        found = contact_of(
-            self.comm, self.scene, self.solid, self.system, self.outside, self.obstacles,
-            self.reach, self.joined,
-        )  # fmt: skip
+        found = contact_of(self)
         for obstacle in self.obstacles:
             met = in_obstacle(obstacle, 0.0, self.outside, self.places)
             if met is not None:
@@ -232,7 +245,8 @@ class SolidsModel:
                 continue
             body = names.index(probe.body)
             part = self.parts[body]
-            located = locate(part.system, part.solid, np.asarray(probe.point, dtype=float))
+            place = np.asarray(probe.point, dtype=float)
+            located = locate(part.system, part.solid, part.begun, place)
             if not isinstance(located, Located):
                 raise outside(index, probe, located)
             found.append((probe, body, located))
@@ -398,11 +412,12 @@ class SolidsModel:
         part = self.parts[body]
         return SurfaceNodes.of(self.comm, part.solid.dim, self.numbers[body], part.system.numbers)
 
-    def beside(self, scene: Scene) -> "SolidsModel":
+    def beside(self, scene: Scene, *, later: bool = False) -> "SolidsModel":
         """The same bodies with other numbers, on the meshes of these (collective).
 
         Args:
             scene: The other scene, whose solids have the same kinds of shapes and elements.
+            later: Whether it goes on from this one.
 
         Raises:
             SceneError: They have not.
@@ -411,7 +426,8 @@ class SolidsModel:
         ties = Ties(scene)
         for part, solid in zip(self.parts, scene.solids, strict=True):
             mesh = morphed(part.mesh, part.solid, solid)
-            other = SolidPart(self.comm, scene, solid, part.degree, mesh, ties)
+            first = part if later else None
+            other = SolidPart(self.comm, scene, solid, part.degree, mesh, ties, first)
             parts.append(ties.add(other))
         return _on_their_way(scene, tuple(parts), self.updated)
 

@@ -75,7 +75,7 @@ def _region(
 def _inside(part: "SolidPart", place: Floats, where: str) -> HeldRegion:
     """Nodes of the cell about a place in a solid, by the values of their shape functions there."""
     system = part.system
-    found = locate(system, part.solid, place)
+    found = locate(system, part.solid, part.begun, place)
     if not isinstance(found, Located):
         near = ", ".join(f"{x:.6g}" for x in found)
         text = f" = {show(place.tolist())} is outside of {part.solid.name} by "

@@ -104,7 +104,7 @@ class Contacts:
         """
         solids = list(zip(model.parts, surfaces, strict=True))
         places = [surface.gather(part.system.positions.ravel()) for part, surface in solids]
-        initial = [surface.gather(part.system.displacement) for part, surface in solids]
+        initial = [surface.gather(part.begun) for part, surface in solids]
         if model.few:
             places.append(places_of(model.few))
             initial.append(np.zeros_like(places[-1]))
@@ -122,7 +122,7 @@ class Contacts:
                     nodes, contact = Started.to_each(contact, against, part.reach.distance)
                     at = nodes
                 chosen = np.searchsorted(model.numbers[k], part.contact.numbers)[at]
-                moved = surface.gather(part.system.displacement)[chosen]
+                moved = surface.gather(part.begun)[chosen]
                 name = part.solid.name
                 pairs = [pair_name(model.scene, name, o.name) for o in against]
                 gaps = Gaps(

@@ -202,7 +202,7 @@ def prepare(
     # The last one first: what the least supports hold is the stiffest in explicit steps.
     for end in reversed((None, *scene.ends)):
         left = scene if end is None else scene.after(end)
-        own = model if end is None else model.beside(left)
+        own = model if end is None else model.beside(left, later=True)
         ready = _prepared(scene, left, own, plan, progress, places, ready, rests=end is None)
     return cast("Ready", ready)
 

@@ -33,7 +33,8 @@ class Probe:
     body: str = key(Name(), "name of the body")
     point: Sequence[float] = key(
         Vector((1, 2, 3)),
-        "place of the body's material at t = 0; of a bar [x] from its near end",
+        "place of the body's material at t = 0, undeformed if that is found as an equilibrium; of "
+        "a bar [x] from its near end",
         unit="m",
     )
     quantities: Sequence[str] = key(

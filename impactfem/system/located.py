@@ -47,7 +47,7 @@ class Located:
     cell: int | None = None
 
 
-def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats:
+def locate(system: ElasticSystem, solid: Any, begun: Floats, point: Floats) -> Located | Floats:
     """Find a place of t = 0 in a body (collective).
 
     The stress is that of the strain at the place, under finite strain the true one; of nearly
@@ -56,6 +56,7 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
     Args:
         system: The body.
         solid: `impactfem.scene.solids.Solid`.
+        begun: Displacement of the owned dofs at t = 0 [m], (owned dofs,).
         point: [m], shape (dim,).
 
     Returns:
@@ -64,7 +65,7 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
     nodes, comm = system.nodes, system.comm
     mesh = nodes.space.mesh
     start = dolfinx_fem.Function(nodes.space)
-    start.x.array[: len(system.displacement)] = system.displacement
+    start.x.array[: len(begun)] = begun
     start.x.scatter_forward()
     places = nodes.positions + start.x.array.reshape(nodes.positions.shape)
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
