@@ -372,6 +372,8 @@ class Numbers:
             self._products(level, 0.5 * weight * velocity, velocity, stiff=False)
         elif self._march.skips:
             self._amid(level, weight, pulled)
+            if level:
+                self._put(level, lambda r: setattr(r, "early", r.early + weight))
         else:
             nodes = self._gathered(weight * pulled)
             self._strain(level, weight * pulled, nodes, nodes)

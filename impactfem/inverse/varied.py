@@ -21,7 +21,6 @@ from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.solids import STEPPED, SolidRuns
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.inverse.trees import TreeRuns, is_tree
-from impactfem.mesh.morph import shaped
 from impactfem.methods import METHODS
 from impactfem.planning import Plan, plan
 from impactfem.scene import Scene
@@ -286,6 +285,8 @@ class Varied:
             return float("nan"), []
         other.runs = runs(other.chosen, scene)
         found, where = other.quantities.objective(other.numbers(values)), "with a plan of its own"
+        from impactfem.mesh.morph import shaped  # noqa: PLC0415  (DOLFINx)
+
         if any(shaped(a, b) for a, b in zip(scene.solids, self.scene.solids, strict=True)):
             least = max(least, _OF_FALL * abs(first - last))
             where = "with elements of its own, as its shape is another,"

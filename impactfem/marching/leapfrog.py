@@ -118,6 +118,7 @@ class Leapfrog:
         self._sums = np.zeros(2 + 2 * system.dim + len(self._turning.inertia))
         self.share, self._work = 1.0, 0.0
         self._given: Floats | None = None  # the step that the first half step began with
+        self.begun = np.zeros_like(self._step)  # what velocities change by in it [m/s]
         self._contact = self._contact_at(0.0)
 
     @property
@@ -240,8 +241,8 @@ class Leapfrog:
             self._surface.spread(self._contact - self._before, self._step)
         found = self._summed(1.0)
         if self._given is not None:
-            change = np.where(self._inverse > 0.0, self._step - self._given, 0.0) / self.dt
-            found[0].early = 0.5 * float(self._mass @ change**2)
+            begun = np.where(self._inverse > 0.0, self._step - self._given, 0.0) / self.dt
+            self.begun, found[0].early = begun, 0.5 * float(self._mass @ begun**2)
         return found
 
     def relax(self, loose: Booleans, time: float) -> None:  # noqa: ARG002  (as others)

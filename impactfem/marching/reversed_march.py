@@ -143,6 +143,7 @@ class Reading:
         static: By what presses them out of these, (count, dim).
         multiplier, gap: By these, (gaps,).
         force: By the force of the layer before, (gaps,).
+        early: By the energy of the half step that explicit layers begin with.
     """
 
     place: Floats
@@ -152,6 +153,7 @@ class Reading:
     multiplier: Floats
     gap: Floats
     force: Floats
+    early: float = 0.0
 
     @classmethod
     def at(
@@ -205,12 +207,15 @@ class ReversedMarch:
         size, count = interior.dofs, trail.gap.shape[1]
         nodes = self._march.interior.surface_displacement.shape
         multipliers, gaps = np.zeros((2, last + 1, count))
-        place, rate = np.zeros((2, size))
+        early, (place, rate) = 0.0, np.zeros((2, size))
         loads, skips = np.zeros((self._march.layers, size)), self._march.skips
         for layer in range(last - 1, -1, -1):
             level, begin = layer + 1, max(layer - 1, 0) if skips else layer
             found = Reading.at(place, rate, nodes, multipliers[level], gaps[level])
             read(level, found)
+            early += found.early
+            begun = self._begun(early, into) if layer == 0 and skips else 0.0
+            rate += begun
             contact = found.contact + self._on_nodes(found.gap)
             back = interior.backward(place, rate, contact, first=layer == 0)
             if trail.multiplier[[begin, level]].any():
@@ -232,13 +237,26 @@ class ReversedMarch:
                 gaps[level] += shut
             if into is not None:
                 self._vary(into, layer, back.loads, found)
-            place, rate, loads[layer] = back.place, back.rate, back.loads
+            place, rate, loads[layer] = back.place, back.rate - begun, back.loads
         found = Reading.at(place, rate, nodes, multipliers[0], gaps[0])
         read(0, found)
         if into is not None:
             self._settle(into, 0, found)
         place = interior.settled(place, found.contact + self._on_nodes(gaps[0]))
         return Given(place, rate, loads, gaps)
+
+    def _begun(self, weight: float, into: "Sequence[MaterialSums] | None") -> Floats:
+        """Derivatives of the energy of the first half step by the rate that it ends with, (dofs,).
+
+        Those by the rate that it begins with are the same with their sign turned.
+        """
+        found = np.zeros(self._interior.dofs)
+        for k, (part, own, _) in enumerate(self._parts()):
+            _, momentum = part.energies_by(np.zeros_like(part.begun), part.begun)
+            found[own] = weight / self._march.interior.dt * momentum
+            if into is not None:
+                part.vary_product(into[k], 0.5 * weight * part.begun, part.begun)
+        return found
 
     def _parts(self) -> Iterator[tuple[Any, slice, slice]]:
         """The interior of each body, its dofs and its contact nodes."""

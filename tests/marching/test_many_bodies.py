@@ -214,13 +214,13 @@ def test_a_residual_without_friction_or_too_large_is_refused(changed):
 
 def test_of_many_pairs_no_rows_are_kept(monkeypatch):
     """A history has columns of up to 100 pairs: of more none take memory in each layer."""
-    run, kept = TimeLoop.run, []
+    begin, kept = TimeLoop.begin, []
 
     def watched(self, observers=()):
         kept.append((self.rows.pair_force.shape, self.rows.slip.shape))
-        run(self, observers)
+        begin(self, observers)
 
-    monkeypatch.setattr(TimeLoop, "run", watched)
+    monkeypatch.setattr(TimeLoop, "begin", watched)
     many = impactfem.solve(crowd().with_settings({"duration": 0.02})).history
     few = impactfem.solve(grains(duration=0.02)).history
     assert kept == [((11, 0), (11, 0)), ((11, 33), (11, 33))]

@@ -17,11 +17,11 @@ def levels(monkeypatch):
     seen = []
 
     class Watched(SolidMarch):
-        def run(self, observers=()):
+        def _observe(self, observers, force):
             def keep(level):
                 seen.append((level.force.copy(), level.gap.copy(), self.contact.multiplier.copy()))
 
-            super().run([*observers, keep])
+            super()._observe([*observers, keep], force)
 
     monkeypatch.setattr(loops, "SolidMarch", Watched)
     return seen
