@@ -144,8 +144,10 @@ def moved_mesh(mesh: Any, points: NDArray[np.float64]) -> Any:
     index, places = own.index_map(), np.ascontiguousarray(points)
     numbers = own.input_global_indices
     element = own.cmaps[0] if hasattr(own, "cmaps") else own.cmap  # DOLFINx 0.9
-    geometry = dolfinx_mesh.create_geometry(index, cell_nodes(mesh), element, places, numbers)
-    kinds: Any = [each._cpp_object for each in (mesh.topology, geometry)]  # noqa: SLF001
+    # `dolfinx.mesh.create_geometry` of 0.9 hands over an element that its own C++ does not take.
+    whole: Any = dolfinx.cpp.mesh.Geometry_float64
+    geometry = whole(index, cell_nodes(mesh), element._cpp_object, places, numbers)  # noqa: SLF001
+    kinds: Any = [mesh.topology._cpp_object, geometry]  # noqa: SLF001
     made = dolfinx.cpp.mesh.Mesh_float64(mesh.comm, *kinds)
     return dolfinx_mesh.Mesh(made, ufl.Mesh(mesh.ufl_domain().ufl_coordinate_element()))
 

@@ -113,6 +113,8 @@ def test_balances_hold_in_every_layer(motion):
     speed = np.abs(bar.initial_velocity(x=nodes)).max() + np.abs(found.mean_velocity).max()
     speed += bar.wave_speed * np.abs(np.diff(found.displacement[0])).max() / nodes[1]
     speed += np.abs(loads).max()
+    # When a piece of gravity begins is known to rounding: so much of a pull may act or not.
+    speed += np.finfo(float).eps * found.times[-1] * np.abs(pulls).max()
     # An impact so near to the end of a piece that it moves there loses the way that is left.
     impacts = 1 + np.count_nonzero(np.diff((found.multiplier < 0.0).astype(int)) > 0)
     snapped = impacts * SNAP * dt * speed
