@@ -227,10 +227,7 @@ class Simulation:
             )
         if not state.fits(self._ready.seen):
             raise SceneError("Simulation.restore: the state belongs to another scene")
-        ready = self._first
-        while ready.later is not None and ready.ends < state.layer:
-            ready = ready.next
-        self._take(ready)
+        self._take(self._first.at(state.layer))
         state.restore(self._ready.seen)
         self._pushed, self._known = state.pushed, -1
         self._restored += 1

@@ -1,6 +1,7 @@
 """Several bodies in one layer: each moves by its own scheme, contact sees all their nodes."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
@@ -61,6 +62,12 @@ class Bodies[P: Stepper]:
     def own(self, body: int) -> slice:
         """Places of a body's contact nodes."""
         return slice(self.offsets[body], self.offsets[body + 1])
+
+    @property
+    def _dofs(self) -> list[slice]:
+        """Places of the owned dofs of each body."""
+        cuts = np.cumsum([0, *(len(part.velocity) for part in self.parts)])
+        return [slice(*ends) for ends in pairwise(cuts.tolist())]
 
     def initial(self, static: Floats) -> Sequence[Sums]:
         """Sums of the initial state, of each body."""
@@ -130,17 +137,14 @@ class Bodies[P: Stepper]:
 
     def restore(self, state: dict[str, Any], surface: Floats) -> None:
         """Continue from a state."""
-        cuts = np.cumsum([0, *(len(part.velocity) for part in self.parts)])
-        for k, part in enumerate(self.parts):
-            own = slice(cuts[k], cuts[k + 1])
-            part.restore({n: values[own] for n, values in state.items()}, surface[self.own(k)])
+        for (part, nodes), own in zip(self._owned, self._dofs, strict=True):
+            part.restore({n: values[own] for n, values in state.items()}, surface[nodes])
 
     def relax(self, loose: Booleans, time: float) -> None:
         """Take what supports let go of at a time [s], of owned dofs of solids (collective)."""
-        cuts = np.cumsum([0, *(len(part.velocity) for part in self.parts)])
-        for k, part in enumerate(self.parts):
+        for part, own in zip(self.parts, self._dofs, strict=True):
             if hasattr(part, "relax"):  # others have no supports, or ask for nothing
-                part.relax(loose[cuts[k] : cuts[k + 1]], time)
+                part.relax(loose[own], time)
 
     def destroy(self) -> None:
         """Free what PETSc holds."""

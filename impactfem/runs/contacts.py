@@ -215,8 +215,12 @@ class Contacts:
 
     def restitution(self, scene: Scene) -> Floats | None:
         """Newton's e of the gaps; None if it is 0 everywhere."""
-        found = self._each(scene, lambda law: 0.0 if law.by_impulses else law.restitution)
+        found = self._numbers(scene)
         return found if found.any() else None
+
+    def _numbers(self, scene: Scene) -> Floats:
+        """Restitution of speeds that the scene gives, (gaps,)."""
+        return self._each(scene, lambda law: 0.0 if law.by_impulses else law.restitution)
 
     def speed_laws(self, scene: Scene) -> SpeedLaws | None:
         """Restitution by the speed of approach; None if numbers tell it everywhere."""
@@ -226,8 +230,7 @@ class Contacts:
             return None
         place = {name: 1.0 + k for k, name in enumerate(laws)}
         which = self._each(scene, lambda law: place.get(law.restitution_law or "", 0.0))
-        given = self._each(scene, lambda law: 0.0 if law.by_impulses else law.restitution)
-        return SpeedLaws(tuple(laws.items()), which.astype(np.int64) - 1, given)
+        return SpeedLaws(tuple(laws.items()), which.astype(np.int64) - 1, self._numbers(scene))
 
     def impulsive(self, scene: Scene) -> Floats | None:
         """Poisson's e of the gaps; None if it is 0 everywhere."""

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.errors import MissingDependencyError
 from impactfem.scene.controllers import Foot
+from impactfem.system.tree import import_for_robots
 
 _LEAST = 1e-6  # weight of forces by mass beside the least of tasks: which of many, the least
 _FREE = 1e-12  # the same of accelerations, where tasks leave some open
@@ -25,19 +25,8 @@ _AT_LIMIT = 1e-6  # share of a limit by which an answer, found from within, stay
 
 
 def import_clarabel() -> Any:
-    """Import Clarabel, saying what to install if that fails.
-
-    Raises:
-        MissingDependencyError: It is not installed.
-    """
-    try:
-        import clarabel  # noqa: PLC0415  (an extra)
-    except (ImportError, OSError) as error:
-        raise MissingDependencyError(
-            f'controller: kind = "whole_body" needs Clarabel, which cannot be loaded ({error}). '
-            "Remedy: pip install impactfem[robots]"
-        ) from error
-    return clarabel
+    """Import Clarabel; see `import_for_robots`."""
+    return import_for_robots("Clarabel", 'controller: kind = "whole_body"')
 
 
 @dataclass(frozen=True, kw_only=True)

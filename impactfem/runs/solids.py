@@ -138,6 +138,13 @@ class Ready:
         loop = replace(seen.loop, started=self.seen.loop.started)
         return replace(self.later, seen=replace(seen, loop=loop))
 
+    def at(self, layer: int) -> "Ready":
+        """The march that has done a layer: this one, or a later one."""
+        found = self
+        while found.later is not None and found.ends < layer:
+            found = found.next
+        return found
+
     def destroy(self) -> None:
         """Free what it holds (collective)."""
         self.seen.march.interior.destroy()
@@ -289,9 +296,7 @@ def _march(
     kept = None
     if saved.restart is not None:
         known = checkpoints(saved.restart)
-        layer = known.layer()
-        while ready.later is not None and ready.ends < layer:
-            ready = ready.next
+        ready = ready.at(known.layer())
         start = known.read(ready.seen.march)
         ready.seen.restore(start)
         kept = int(start["fields"])

@@ -6,13 +6,13 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.scene.content import Content
+from impactfem.scene.control import AXES
 from impactfem.scene.couplings import WHOLE
 from impactfem.scene.joints import GROUND, Joint
 from impactfem.scene.laws import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
-_AXES = "xyz"
 _ON = 1e-9  # share of coordinates within which a place is on a plane
 _ALONG = 1e-9  # sine of the angle between directions that are one
 _WHOLE = "or model the whole, without symmetry"
@@ -37,7 +37,7 @@ def check_cuts(scene: Content, where: str, joint: Joint) -> None:
     for key, place, name in _places(scene, joint):
         for axis, level in body.cuts:
             if abs(place[axis] - level) > _ON * np.abs([*place, level]).max():
-                text = f" = {show(place.tolist())} is off the plane {_AXES[axis]} = {level:.6g} "
+                text = f" = {show(place.tolist())} is off the plane {AXES[axis]} = {level:.6g} "
                 text += f"that cuts {name}, so that it means two such things; give a place on the "
                 raise KeyedError(where, key, f"{text}plane, {_WHOLE}.")
     normals = np.eye(scene.dim)[[axis for axis, _ in body.cuts]]

@@ -7,6 +7,7 @@ components of M v are the momentum.
 """
 
 from collections.abc import Collection, Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -16,20 +17,24 @@ from impactfem.errors import MissingDependencyError
 from impactfem.scene.rigid_keys import rotation
 
 
-def import_pinocchio() -> Any:
-    """Import Pinocchio, saying what to install if that fails.
+def import_for_robots(name: str, needed_by: str) -> Any:
+    """Import a library of the extra for robots, saying what to install if that fails.
 
     Raises:
         MissingDependencyError: It is not installed.
     """
     try:
-        import pinocchio  # noqa: PLC0415  (an extra)
+        return import_module(name.lower())
     except (ImportError, OSError) as error:
         raise MissingDependencyError(
-            f'body: kind = "mechanism" needs Pinocchio, which cannot be loaded ({error}). '
+            f"{needed_by} needs {name}, which cannot be loaded ({error}). "
             "Remedy: pip install impactfem[robots]"
         ) from error
-    return pinocchio
+
+
+def import_pinocchio() -> Any:
+    """Import Pinocchio; see `import_for_robots`."""
+    return import_for_robots("Pinocchio", 'body: kind = "mechanism"')
 
 
 def cross(one: Floats, two: Floats) -> Floats:
