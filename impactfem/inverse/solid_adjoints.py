@@ -73,7 +73,9 @@ def _varies(changes: Changes, differ: Callable[[Any, Any], bool]) -> bool:
 
 
 def _differ(body: Any, other: Any) -> bool:
-    """Whether constants of their materials, or their shapes, do."""
+    """Whether constants of their materials, or their shapes, do, and derivatives know them."""
+    if getattr(body, "relaxing", ()):
+        return False
     names = materials(body)
     return shaped(body, other) or any(
         getattr(body, name, None) != getattr(other, name, None) for name in names
@@ -331,7 +333,7 @@ class Adjoints:
         Raises:
             SceneError: Damping, elements or the start change with them, or a number knows them.
         """
-        if self._base is None:
+        if self._base is None or solid.relaxing:
             raise SceneError("its material is another")
         same = solid.keeps_volume == other.keeps_volume and solid.retardation == other.retardation
         same = same and not (solid.quality_factor or solid.damping_ratio)
@@ -352,7 +354,8 @@ class Adjoints:
         Raises:
             SceneError: Damping, what meets or what is read changes with them.
         """
-        if self._base is None or solid.quality_factor or solid.damping_ratio:
+        damped = solid.quality_factor or solid.damping_ratio or solid.relaxing
+        if self._base is None or damped:
             raise SceneError("its damping is another")
         if solid.has_residual_stress or self._ready.seen.model.pairs:
             raise SceneError("its stress, or what of it meets others, is another")

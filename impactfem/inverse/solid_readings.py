@@ -13,9 +13,10 @@ from impactfem.inverse.contact_spells import Pair, rebound_row
 from impactfem.inverse.outcomes import amid
 from impactfem.inverse.quantities import Quantities
 from impactfem.marching.collect import total
-from impactfem.marching.reversed_march import Reading, Trail
+from impactfem.marching.reversed_march import Reading, Trail, shares_of
 from impactfem.marching.rows import Level
 from impactfem.scene import Scene, Term
+from impactfem.system.relaxation import kept_of
 
 if TYPE_CHECKING:
     from impactfem.marching.layers import MaterialSums
@@ -35,11 +36,13 @@ class Kept:
         trail: Of its gaps.
         times: At which its energies may be asked for [s].
         beside: Displacements and velocities of the levels beside these.
+        remembered: What bodies that relax remember there, (terms, dofs).
     """
 
     trail: Trail
     times: Floats
     beside: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
+    remembered: dict[int, Floats] = field(default_factory=dict)
 
     def state(self, level: int) -> tuple[Floats, Floats]:
         """Displacements and velocities of a level beside these times."""
@@ -49,11 +52,14 @@ class Kept:
     def __call__(self, level: Level) -> None:
         """Keep a level."""
         self.trail(level)
-        dt = self.trail.march.interior.dt
+        interior = self.trail.march.interior
+        near = bool((np.abs(self.times - level.time) < 2.001 * interior.dt).any())
         if self.trail.states is not None:
             self.trail.states.put(level.layer, *self.seen(level))
-        elif (np.abs(self.times - level.time) < 2.001 * dt).any():
+        elif near:
             self.beside[level.layer] = self.seen(level)
+        if near:
+            self.remembered[level.layer] = kept_of(interior.state())
 
     def seen(self, level: Level) -> tuple[Floats, Floats]:
         """Displacements and velocities of a level."""
@@ -88,6 +94,7 @@ class Numbers:
         sizes = [part.dofs for part in self._inner]
         self._own = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
         self._sums = [part.sums_by() for part in self._inner]
+        self._shares = shares_of(interior)
         self._names = list(ready.seen.model.names)
         self.levels = self.stressed = self.placed = False
         self.into: Sequence[MaterialSums] | None = None
@@ -208,13 +215,18 @@ class Numbers:
             return None
         row = probes.weights[[known.index((name, of))]].toarray()[0]
         cuts = np.cumsum([len(each) for each in probes.needed])
-        moved, moving = np.zeros((2, self._own[-1].stop))
+        moved, moving, strained = np.zeros((3, self._own[-1].stop))
         np.add.at(moved, probes.needed[0], row[: cuts[0]])
         np.add.at(moving, probes.needed[1], row[cuts[0] : cuts[1]])
-        np.add.at(moved, probes.needed[2], row[cuts[1] :])
+        np.add.at(strained, probes.needed[2], row[cuts[1] :])
         self.stressed |= of[0] not in "uva"
         self.placed = True
-        return partial(self._nodes, moved, moving)
+
+        def read(level: int, weight: float) -> None:
+            self._nodes(moved + strained, moving, level, weight)
+            self._put(level, lambda r: _add(r.memory, weight * self._shares * strained))
+
+        return read
 
     def _change(self, part: Part, row: int, weight: float) -> None:
         """What a part changes by in the step before a row, as a rate."""
@@ -378,6 +390,10 @@ class Numbers:
             nodes = self._gathered(weight * pulled)
             self._strain(level, weight * pulled, nodes, nodes)
             self._products(level, 0.5 * weight * placed, placed, stiff=True)
+            kept = self._kept.remembered[level] if len(self._shares) else self._shares
+            each = [self._energies_by(own, np.zeros_like(own))[0] for own in kept]
+            stored = weight * self._shares * np.reshape(each, self._shares.shape)
+            self._put(level, lambda r: _add(r.memory, stored))
 
     def _products(self, level: int, one: Floats, other: Floats, *, stiff: bool) -> None:
         """Add derivatives of one . K other or one . M other by the material, (dofs,) each."""

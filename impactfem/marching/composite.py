@@ -357,11 +357,15 @@ class Composite(Bodies[Interior]):
             for k, (part, own) in enumerate(self._reversible())
         ]
         forces = np.concatenate([found.forces for found in each])
+        memory = np.zeros((max(len(found.memory) for found in each), self.dofs))
+        for (_, own), found in zip(self._reversible(), each, strict=True):
+            memory[: len(found.memory), own] = found.memory  # bodies without a term have 0 of it
         return Backward(
             np.concatenate([found.place for found in each]),
             np.concatenate([found.rate for found in each]),
             np.concatenate([self._on(k, forces) for k in range(len(self.parts))]),
             np.concatenate([found.loads for found in each]),
+            memory,
         )
 
     def settled(self, place: Floats, contact: Floats) -> Floats:

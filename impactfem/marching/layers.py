@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.pair_responses import Roots
 from impactfem.contact.responses import Columns
@@ -47,12 +49,14 @@ class Backward(NamedTuple):
         rate: By velocities there, of explicit layers by the last step, (dofs,).
         forces: By contact forces that act in it [1/N], (count, dim), the same on all ranks.
         loads: By other forces that act in it [1/N], (dofs,).
+        memory: By what solids that relax remember at its start [1/m], (terms, dofs).
     """
 
     place: Floats
     rate: Floats
     forces: Floats
     loads: Floats
+    memory: Floats = np.zeros((0, 1))
 
 
 class Ends(NamedTuple):
@@ -277,7 +281,8 @@ class MaterialSums(Protocol):
 class Reversible(Protocol):
     """An interior whose layers are known backwards, as gradients need them (collective).
 
-    `backward` is the transpose of a layer: of `begin`, `push` and `finish` without `static`.
+    `backward` is the transpose of a layer: of `begin`, `push` and `finish` without `static`. What
+    bodies with a `relaxation` remember goes on beside it (`impactfem.marching.reversed_march`).
     """
 
     @property

@@ -334,6 +334,7 @@ class Leapfrog:
         found = place.copy()
         if self._statics is not None:
             found[self._statics.near] -= self._statics.pushed(self._statics.response(contact))
+            found[self._surface.dofs] = 0.0
         return found
 
     def _pulled(self, place: Floats) -> Floats:

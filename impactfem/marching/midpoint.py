@@ -33,7 +33,7 @@ from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
 from impactfem.system.massless import averaged, transferred
-from impactfem.system.relaxation import named
+from impactfem.system.relaxation import Relaxation, named
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 _COLUMN_BYTES = 2**28  # kept answers to unit forces; beyond this a layer solves once more
@@ -326,7 +326,12 @@ class Midpoint:
     @property
     def reversible(self) -> bool:
         """Whether `backward` knows all that happens in a layer."""
-        return not (self._system.relaxation or self._drive.has_moved)
+        return not self._drive.has_moved
+
+    @property
+    def relaxation(self) -> Relaxation:
+        """Of what it remembers; see `Reversible`."""
+        return self._system.relaxation
 
     @property
     def dofs(self) -> int:
@@ -353,9 +358,24 @@ class Midpoint:
         loads = np.where(self._system.constrained, 0.0, middle)
         through = self._times_mass(loads)
         begun = (1.0 - self._advance) * moved + self._mu * through - (2.0 / self.dt) * turned
-        return Backward(
+        back = Backward(
             begun, (2.0 / self.dt) * through - turned, self._surface.gather(loads), loads
         )
+        if not self.relaxation:
+            return back
+        # Massless nodes settle with what is held of theirs and of their neighbours (`_contact_at`).
+        held = self.settled(np.zeros(len(place)), contact)
+        self._surface.spread(-contact, held)
+        held = np.where(self._system.constrained, 0.0, held / self._stiffened)
+        straining = self._mu * through - self._advance * moved
+        return back._replace(
+            place=begun - (self._stiffened - 1.0) * held,
+            memory=self.relaxation.kept_by(straining, held, self.dt),
+        )
+
+    def of_contact(self, values: Floats) -> Floats:
+        """Values of the owned dofs on the contact nodes, (count, dim); see `Reversible`."""
+        return self._surface.gather(values)
 
     def settled(self, place: Floats, contact: Floats) -> Floats:
         """Derivatives by displacements, with those by contact nodes; see `Reversible`."""
@@ -365,6 +385,7 @@ class Midpoint:
             return found + place
         found = place.copy()
         found[self._statics.near] -= self._statics.pushed(self._statics.response(contact))
+        found[self._surface.dofs] = 0.0
         return found
 
     def eased(self, place: Floats | float, contact: Floats) -> Floats | None:  # noqa: ARG002  (of what has mass)

@@ -13,6 +13,10 @@ which its derivatives by gap_a, lambda_a and g follow.
 A material that varies changes what K and M are multiplied with: the forces of a layer by dM a and
 -dK u, whose derivatives are those by loads, and the equilibrium of massless nodes,
 K_c du_c = -(dK u)_c, with u true; of N above it changes D.
+
+What terms that relax remember follows the way of a layer by a linear recursion
+(`impactfem.system.relaxation`), whose transpose goes back beside the layers. There displacements of
+massless nodes count, too, with what presses them.
 """
 
 import shutil
@@ -29,11 +33,13 @@ from impactfem.contact.layer_law import uncoupled
 from impactfem.marching.layers import Ends
 from impactfem.marching.rows import Level
 from impactfem.marching.solids import SolidMarch
+from impactfem.system.relaxation import Relaxation
 
 if TYPE_CHECKING:
     from impactfem.marching.layers import MaterialSums, Reversible
 
 _WEAK = 1e-9  # share of the largest force, or gap, that is none
+_FORGETFUL = Relaxation.of(())
 _HALF = 1e-9  # within which theta is 1/2, as where the same gaps press at both ends
 _IN_MEMORY = 2**28  # bytes of states; what is more goes to a file
 
@@ -143,6 +149,7 @@ class Reading:
         static: By what presses them out of these, (count, dim).
         multiplier, gap: By these, (gaps,).
         force: By the force of the layer before, (gaps,).
+        memory: By what bodies remember, as of `Backward`, (terms, dofs).
         early: By the energy of the half step that explicit layers begin with.
     """
 
@@ -153,15 +160,17 @@ class Reading:
     multiplier: Floats
     gap: Floats
     force: Floats
+    memory: Floats
     early: float = 0.0
 
     @classmethod
     def at(
-        cls, place: Floats, rate: Floats, nodes: tuple[int, ...], multiplier: Floats, gap: Floats
-    ) -> "Reading":
-        """Of what later levels have told, and of contact nodes (count, dim) nothing yet."""
-        contact, static = np.zeros((2, *nodes))
-        return cls(place, rate, contact, static, multiplier, gap, np.zeros(len(gap)))
+        cls, place: Floats, rate: Floats, nodes: Floats, multiplier: Floats, gap: Floats,
+        memory: Floats,
+    ) -> "Reading":  # fmt: skip
+        """Of what later levels have told; of contact nodes by where they truly are."""
+        force = np.zeros(len(gap))
+        return cls(place, rate, nodes.copy(), nodes.copy(), multiplier, gap, force, memory)
 
 
 class Given(NamedTuple):
@@ -177,6 +186,18 @@ class Given(NamedTuple):
     rate: Floats
     loads: Floats
     gap: Floats
+
+
+def shares_of(interior: Any) -> Floats:
+    """Shares of the stiffness with which bodies pull back what they remember, (terms, dofs)."""
+    parts = getattr(interior, "parts", (interior,))
+    relaxing = [getattr(part, "relaxation", _FORGETFUL) for part in parts]
+    found = np.zeros((max(len(each.shares) for each in relaxing), interior.dofs))
+    first = 0
+    for part, each in zip(parts, relaxing, strict=True):
+        found[: len(each.shares), first : first + part.dofs] = each.shares[:, None]
+        first += part.dofs
+    return found
 
 
 class ReversedMarch:
@@ -205,14 +226,16 @@ class ReversedMarch:
         """
         trail, interior = self._trail, self._interior
         size, count = interior.dofs, trail.gap.shape[1]
-        nodes = self._march.interior.surface_displacement.shape
+        nodes = np.zeros_like(self._march.interior.surface_displacement)
+        memory = np.zeros_like(shares_of(interior))
         multipliers, gaps = np.zeros((2, last + 1, count))
         early, (place, rate) = 0.0, np.zeros((2, size))
         loads, skips = np.zeros((self._march.layers, size)), self._march.skips
         for layer in range(last - 1, -1, -1):
             level, begin = layer + 1, max(layer - 1, 0) if skips else layer
-            found = Reading.at(place, rate, nodes, multipliers[level], gaps[level])
+            found = Reading.at(place, rate, nodes, multipliers[level], gaps[level], memory)
             read(level, found)
+            way, kept = self._recalled(found)
             early += found.early
             begun = self._begun(early, into) if layer == 0 and skips else 0.0
             rate += begun
@@ -237,13 +260,39 @@ class ReversedMarch:
                 gaps[level] += shut
             if into is not None:
                 self._vary(into, layer, back.loads, found)
-            place, rate, loads[layer] = back.place, back.rate - begun, back.loads
-        found = Reading.at(place, rate, nodes, multipliers[0], gaps[0])
+            place, rate, loads[layer] = back.place - way, back.rate - begun, back.loads
+            memory = kept + back.memory
+            nodes = self._on_touching(place) if len(memory) else nodes
+        found = Reading.at(place, rate, nodes, multipliers[0], gaps[0], memory)
         read(0, found)
         if into is not None:
             self._settle(into, 0, found)
         place = interior.settled(place, found.contact + self._on_nodes(gaps[0]))
         return Given(place, rate, loads, gaps)
+
+    def _recalled(self, found: Reading) -> tuple[Floats, Floats]:
+        """Follow what is remembered at the end of a layer; what moved there remembers.
+
+        Returns:
+            Derivatives by the way of the layer, (dofs,), which those by its end are given, and by
+            what was remembered before it, (terms, dofs).
+        """
+        way, kept = np.zeros(len(found.place)), found.memory.copy()
+        for part, own, _ in self._parts() if len(kept) else ():
+            terms = part.relaxation
+            each = slice(len(terms.shares)), own
+            way[own], kept[each] = terms.after_by(kept[each], self._march.interior.dt)
+        if len(kept):
+            found.place += way
+            moved = self._on_touching(way)
+            found.contact += moved
+            found.static += moved
+        return way, kept
+
+    def _on_touching(self, values: Floats) -> Floats:
+        """Values of owned dofs on the contact nodes, (count, dim) (collective)."""
+        each = [part.of_contact(values[own]) for part, own, _ in self._parts()]
+        return np.concatenate(each)
 
     def _begun(self, weight: float, into: "Sequence[MaterialSums] | None") -> Floats:
         """Derivatives of the energy of the first half step by the rate that it ends with, (dofs,).

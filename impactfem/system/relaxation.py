@@ -15,12 +15,14 @@ are r, not q: they stay as small as strains last, however far the body flies.
 Source: J. C. Simo, T. J. R. Hughes, Computational Inelasticity (Springer, 1998), section 10.3.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from impactfem.arrays import Floats
+
+_NAME = "relaxing_"
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,26 @@ class Relaxation:
         weights = self.shares * (1.0 - steps) / (1.0 + steps)
         return np.tensordot(weights, kept, axes=1) - self.stiffening(dt) * place
 
+    def after_by(self, by: Floats, dt: float) -> tuple[Floats, Floats]:
+        """Of derivatives by `after` (terms, ...) those by the way (...) and by r at the start."""
+        steps = self._wide(self._steps(dt), by)
+        by = by / (1.0 + steps)
+        return by.sum(axis=0), (1.0 - steps) * by
+
+    def kept_by(self, pulled: Floats, held: Floats, dt: float) -> Floats:
+        """Those by r at the start of a step, (terms, ...), of what it does to the step.
+
+        Args:
+            pulled: Derivatives by `pull`, (...).
+            held: By `held`, (...).
+            dt: [s].
+        """
+        steps = self._steps(dt)
+        shares = self.shares / (1.0 + steps)
+        found = np.multiply.outer(shares, pulled)
+        found += np.multiply.outer((1.0 - steps) * shares, held)
+        return found
+
     def straining(self, kept: Floats) -> Floats:
         """Sum of g r: a displacement by which the stress exceeds that of the elasticity."""
         return np.tensordot(self.shares, kept, axes=1)
@@ -98,4 +120,9 @@ class Relaxation:
 
 def named(kept: Floats) -> dict[str, Floats]:
     """R of each term by name, for the state of a march."""
-    return {f"relaxing_{k}": each.copy() for k, each in enumerate(kept)}
+    return {f"{_NAME}{k}": each.copy() for k, each in enumerate(kept)}
+
+
+def kept_of(state: Mapping[str, Floats]) -> Floats:
+    """R of all terms of a state, (terms, ...)."""
+    return np.array([each for name, each in state.items() if name.startswith(_NAME)])
