@@ -7,6 +7,7 @@ the moment of momentum. The closest places are found anew in each layer.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import permutations
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -22,6 +23,7 @@ _SAME = 1e-9  # share of a distance by which two count as the same
 _ALIKE = 0.9  # cosine of directions from which two closest places count as one
 _RIM = 0.01  # share of a face by which what slides off an open surface is still on it
 _TINY = np.finfo(float).tiny
+_BEFORE = 0.5  # cosine of ways beside a place from which the next one is met in its stead
 _FARTHER = 1.5  # times the distance of the closest place, others that are looked at
 _CURVE = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
 _FEW = 64  # simplices that are all looked at
@@ -82,6 +84,21 @@ class Target:
             found -= (abs(met.weights) @ radius)[:, None] * met.normal
         return found
 
+    def behind(self, places: Floats, ways: Floats) -> Booleans:
+        """Which nodes of faces are pushed along ways (nodes, dim) against what is beside them.
+
+        That is nearer, and met in their stead: see `pushed_back`.
+        """
+        if self.signs is None:
+            return np.zeros(len(self.nodes), dtype=bool)
+        return pushed_back(places[self.nodes], self.sides, ways)
+
+    @cached_property
+    def sides(self) -> Integers:
+        """Where the sides of its simplices begin and end, both ways, (sides, 2)."""
+        both = permutations(range(self.simplices.shape[1]), 2)
+        return np.concatenate([self.simplices[:, two] for two in both])
+
     def edges(self, places: Floats) -> Edges:
         """Its axis with all contact nodes at some places (nodes, 3)."""
         around, shapes = self.curves
@@ -137,6 +154,24 @@ class Target:
             across = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         signs = np.ones(len(corners)) if self.signs is None else self.signs
         return np.asarray(across * signs[:, None])
+
+
+def pushed_back(points: Floats, pairs: Integers, ways: Floats) -> Booleans:
+    """Which points are pushed along ways (points, dim) against sides that begin at them.
+
+    Where corners of two bodies meet, the way from one to the other may be any, that along the faces
+    which lie on each other too; it is that of a contact only if each body is behind its corner.
+
+    Args:
+        points: [m], (points, dim).
+        pairs: Where sides begin and end, (sides, 2).
+        ways: Unit vectors, (points, dim).
+    """
+    first, second = pairs.T
+    sides = points[second] - points[first]
+    along = np.einsum("sd,sd->s", sides, ways[first])
+    against = along < -_BEFORE * np.linalg.norm(sides, axis=1)
+    return np.bincount(first[against], minlength=len(points)) > 0
 
 
 def rims_of(simplices: Integers) -> Booleans:

@@ -11,15 +11,17 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_matrix, eye_array, vstack
 
-from impactfem.arrays import Floats, Integers
-from impactfem.contact.ball_pairs import BallPair, Target, carried
+from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.contact.ball_pairs import BallPair, Target, carried, pushed_back
 from impactfem.contact.convex_pairs import Marked, Pose
+from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of, weights_on
 from impactfem.system.closest import closest_shares, distances
 from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
 
 _SAME = 1e-9  # share of a size that is none
+_FLUSH = 1e-4  # share of a size by which a node beside a face is held by it, if by no other
 _LIKE = 0.5  # cosine of directions that belong to one face or to neighbours that hardly bend
 _ALONG = np.stack([1.0 - np.arange(1, 8) / 8.0, np.arange(1, 8) / 8.0], axis=1)
 """Weights of the corners at places along an edge."""
@@ -30,14 +32,12 @@ class NodesOnConvex(Anew):
     """Contact nodes that are held off a rigid body, as `impactfem.contact.pairs` takes them.
 
     Attributes:
-        balls: Places of the nodes among all contact nodes, (nodes,).
-        radius: Of these [m], (nodes,).
+        target: The nodes, and what is between them.
         body: What they are held off.
         total: Number of all contact nodes.
     """
 
-    balls: Integers
-    radius: Floats
+    target: Target
     body: Marked
     total: int
 
@@ -46,17 +46,17 @@ class NodesOnConvex(Anew):
     @property
     def nodes(self) -> Integers:
         """Places of all its nodes among all contact nodes."""
-        return np.concatenate([self.balls, self.body.nodes])
+        return np.concatenate([self.target.nodes, self.body.nodes])
 
     @property
     def thickness(self) -> float:
         """Way [m] to the middle of the body, from which on nodes would be pushed out elsewhere."""
-        return 0.5 * self.body.shape.thickness + float(self.radius.min())
+        return 0.5 * self.body.shape.thickness + float(self.target.radius.min())
 
     @property
     def count(self) -> int:
         """Number of gaps, one of each node."""
-        return len(self.balls)
+        return len(self.target.nodes)
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """How they meet with all contact nodes at some places (nodes, dim); see `BallPair`."""
@@ -67,27 +67,59 @@ class NodesOnConvex(Anew):
         across, on = across @ now[1] @ pose[1].T, pose[0] + (on - now[0]) @ now[1] @ pose[1].T
         # What slides past an edge is pushed out by the face it is behind, not by that before it.
         past = (gap < 0.0) & (np.einsum("pd,pd->p", across, normal) < _LIKE)
-        height = np.einsum("pd,pd->p", in_space(acting[self.balls]) - on, across)
+        past |= self._behind(acting, normal) & ~self._behind(places, across)
+        height = np.einsum("pd,pd->p", in_space(acting[self.target.nodes]) - on, across)
         normal = np.where(past[:, None], across, normal)
-        foot = in_space(acting[self.balls]) - height[:, None] * across
+        foot = in_space(acting[self.target.nodes]) - height[:, None] * across
         at = np.where(past[:, None], foot, at)
         own = self.body.weights(at, -normal, pose, acting)
         values = np.hstack([np.ones((self.count, 1)), -own])
         beside = np.broadcast_to(self.body.nodes, own.shape)
-        nodes = np.hstack([self.balls[:, None], beside])
+        nodes = np.hstack([self.target.nodes[:, None], beside])
         weights = weights_on(values, nodes, self.total)
         normal = normal[:, : places.shape[1]]
 
         def turning() -> Turning:
             return Turning(patch_of(weights, self.body.nodes), -own @ self.body.arms)
 
-        return Meeting(weights, gap - self.radius, normal, np.zeros(self.count), turning)
+        return Meeting(weights, gap - self.target.radius, normal, np.zeros(self.count), turning)
 
     def _looks(self, places: Floats, pose: Pose) -> tuple[Floats, Floats, Floats]:
         """Gaps [m], nearest places on the body [m] and directions from there, in space."""
         centre, turn = pose
-        gap, at, normal = nearest(self.body.shape, (in_space(places[self.balls]) - centre) @ turn)
+        shape, points = self.body.shape, (in_space(places[self.target.nodes]) - centre) @ turn
+        gap, at, normal = self._facing(places, turn, points, *nearest(shape, points))
         return gap, centre + at @ turn.T, normal @ turn.T
+
+    def _facing(
+        self, places: Floats, turn: Floats, points: Floats, gap: Floats, at: Floats, normal: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """What `nearest` has found, but of nodes at edges by faces that look at each other.
+
+        Where edges lie on each other, rounding tells which of them is outside. What is clearly
+        before an edge is met by what is beside the node.
+        """
+        shape = self.body.shape
+        behind = self._behind(places, normal @ turn.T)
+        if shape.radius or not len(shape.normals) or not behind.any():
+            return gap, at, normal
+        faces, first = shape.normals[shape.flat], shape.starts[:-1][shape.flat]
+        arms = points[:, None] - shape.vertices[shape.loop[first]]
+        heights = np.einsum("pfd,fd->pf", arms, faces)
+        for face, height in zip(faces @ turn.T, heights.T, strict=True):
+            height[self._behind(places, np.broadcast_to(face, normal.shape))] = -np.inf
+        best = heights.argmax(axis=1)
+        height = heights[np.arange(len(gap)), best]
+        on = gap <= _FLUSH * shape.reach
+        other = behind & on & np.isfinite(height)
+        flat = (normal @ faces.T > 1.0 - _SAME).any(axis=1)
+        gap = np.where(other, height, np.where(behind & ~on & ~flat, FAR, gap))
+        normal = np.where(other[:, None], faces[best], normal)
+        return gap, np.where(other[:, None], points - height[:, None] * normal, at), normal
+
+    def _behind(self, places: Floats, normal: Floats) -> Booleans:
+        """Which nodes directions (nodes, 3) push against their own faces."""
+        return self.target.behind(places, normal[:, : places.shape[1]])
 
 
 @dataclass(frozen=True)
@@ -136,7 +168,7 @@ class CornersOnFaces(Anew):
         arms[nodes] = self.body.arms
         there = beside @ (acting + arms)
         met = self.pair(beside @ (places + arms), there)
-        weights = met.weights @ beside
+        weights, gap = met.weights @ beside, np.where(self._aside(met, there), FAR, met.gap)
         if shape.radius:
             ways, followers = self.pair.target.ways(met, there), nodes[self.body.dim + 1 :]
             weights = weights + carried(ways, followers, int(nodes[0]), self.body.unit, total)
@@ -145,7 +177,20 @@ class CornersOnFaces(Anew):
             patch = patch_of(met.weights, self.pair.target.nodes)[:, :total]
             return Turning(patch, weights @ arms)
 
-        return replace(met, weights=csr_matrix(weights), turning=turning)
+        return replace(met, weights=csr_matrix(weights), gap=gap, turning=turning)
+
+    def _aside(self, met: Meeting, there: Floats) -> Booleans:
+        """Which gaps are of corners with sides nearer than they are, off the middles of faces."""
+        shape, slots = self.body.shape, self.pair.slots
+        found = np.zeros((len(shape.vertices), slots), dtype=bool)
+        if shape.radius or not len(shape.normals) or self.pair.target.signs is None:
+            return found.ravel()
+        sides = np.concatenate([shape.edges, shape.edges[:, ::-1]])
+        for slot in range(slots):
+            corners, ways = there[-len(found) :], met.normal[slot::slots]
+            found[:, slot] = pushed_back(corners, sides, ways)
+        amid = np.asarray((abs(met.weights) > _SAME).sum(axis=1)).ravel() > there.shape[1]
+        return np.asarray(found.ravel() & ~(amid & (met.gap > 0.0)))
 
     @cached_property
     def between(self) -> Floats:

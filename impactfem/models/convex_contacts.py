@@ -48,7 +48,7 @@ def on_others(
             RollingPair(nodes[:1], radius, target, total, followers=followers, unit=body.unit),
         )
         return
-    on_body = NodesOnConvex(target.nodes, target.radius, body, total)
+    on_body = NodesOnConvex(target, body, total)
     if crosses:
         yield False, AxisPair(target, body, on_body, CornersOnFaces.of(body, target, total))
         return

@@ -56,7 +56,7 @@ def chain_and(shape):
     one, markers = chain(0), 4 + 3 * shape.rounds
     body = Marked(shape, COUNT + np.arange(markers), 0.1, 3)
     total = COUNT + markers
-    on_body = NodesOnConvex(one.nodes, one.radius, body, total)
+    on_body = NodesOnConvex(one, body, total)
     return AxisPair(one, body, on_body, CornersOnFaces.of(body, one, total))
 
 

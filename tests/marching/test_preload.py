@@ -48,6 +48,19 @@ def test_screw_pulls_with_its_preload_and_all_rest(dim, swapped):
     assert history["kinetic_energy"].values.max() < 1e-16 * history["elastic_energy"].values[0]
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_rigid_plate_as_wide_as_its_base_is_pressed_on_it(dim):
+    """Corners of both lie on each other: which is outside is rounding, and pushed none aside."""
+    table = screwed(dim).to_dict()
+    shape = {"kind": "block", "size": [0.1, 0.02, 0.1][:dim], "corner": [0.0, 0.05, 0.0][:dim]}
+    table["body"][1] = {"kind": "rigid", "name": "plate", "mass": 0.1, "shape": shape}
+    table["joint"][0]["between"] = ["base/top", "plate"]
+    table["solve"]["method"] = "massless"
+    history = solve(Scene.from_dict(table | {"gravity": [0.0, -9.81, 0.0][:dim]})).history
+    np.testing.assert_allclose(history["screw.force"].values, 50.0, rtol=1e-6)
+    np.testing.assert_allclose(history["force.met"].values, 50.0 + 0.981, rtol=1e-6)
+
+
 def test_spring_of_a_slide_is_drawn_to_its_preload():
     stiff = {"kind": "prismatic", "stiffness": 1e6}
     one, other = solve(screwed()).history, solve(screwed(joint=stiff)).history
