@@ -6,6 +6,8 @@ from scipy.spatial.transform import Rotation
 from impactfem.arrays import Floats
 from impactfem.result.whole import Whole
 
+_NONE = 1e-13  # share of moments that is rounding
+
 
 def attitude(
     moments: Floats, spun: Floats, whole: Whole, dt: float, ahead: float = 0.0
@@ -42,8 +44,10 @@ def attitude(
         angle[1:] += 2.0 * np.pi * turns + ahead * spin[1:, 0]
         return angle[:, None], spin
     inertia = np.trace(second, axis1=1, axis2=2)[:, None, None] * np.eye(3) - second
-    spin = np.linalg.solve(inertia, spun[:, :, None])[:, :, 0]
-    left, _, right = np.linalg.svd(fit)
+    # About a line that carries all mass, as in very coarse meshes, nothing tells a spin or a turn.
+    spin = (np.linalg.pinv(inertia, _NONE, hermitian=True) @ spun[:, :, None])[:, :, 0]
+    least = _NONE * np.trace(second, axis1=1, axis2=2)[:, None, None]
+    left, _, right = np.linalg.svd(fit + least * np.eye(3))
     left[:, :, -1] *= np.sign(np.linalg.det(left @ right))[:, None]
     found = left @ right
     if ahead:

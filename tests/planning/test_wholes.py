@@ -1,5 +1,6 @@
 """Of which part of a whole a scene is: cuts and symmetry supports against guides."""
 
+import numpy as np
 import pytest
 from solid_scenes import FLOOR, solid_scene
 
@@ -92,3 +93,16 @@ def test_several_bodies_need_the_same_cuts(other, factor):
     assert result.history["kinetic_energy"].values[0] == pytest.approx(0.5 * 0.5 * 0.01)
     text = result.summary["plan"]["reasons"]["symmetry"]
     assert ("not all bodies" in text) is (factor == 1)
+
+
+def test_half_of_an_element_whose_mass_lies_on_a_line_does_not_turn():
+    """Nodes that touch have no mass: of eight there are two left that move across the cut."""
+    scene = solid_scene(
+        model="3d", strain="finite", degree=1, cells="hexahedron", mesh_size=0.5,
+        shape=BRICK | {"size": [0.5, 0.5, 0.5]}, velocity=[0.0, -0.5, 0.0], supports=held("left"),
+        obstacles=SPACE["obstacles"], duration=1.0, contact_surfaces=["bottom"],
+    )  # fmt: skip
+    result = impactfem.solve(scene)
+    assert result.history["contact_force"].values.max() > 0.0
+    turned = [result.history[f"body.{n}"].values for n in ("qx", "qy", "qz", "wx", "wy", "wz")]
+    assert abs(np.array(turned)).max() < 1e-9
