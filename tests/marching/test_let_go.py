@@ -127,6 +127,29 @@ def test_a_bent_strip_let_go_over_a_stop():
     np.testing.assert_allclose(energy, energy[0], rtol=1e-5)
 
 
+@pytest.mark.parametrize(("strain", "method"), [("small", "massless"), ("finite", "conserving")])
+def test_a_rod_pressed_on_a_wall_leaves_it_once_the_wave_is_there(strain, method):
+    """In contact as it is let go of: E A e on the wall for L / c, then all of it flies at c e."""
+    until = 1.03e-4
+    scene = said(until, strain=strain, method=method, duration=7e-4)
+    scene["body"][0]["supports"] = [
+        {"surface": "right", "kind": "motion", "value": [str(-PULL), "0"], "until": until}
+    ]
+    scene["body"][0]["contact_surfaces"] = ["left"]  # an end that may touch has no mass
+    scene["obstacle"] = [WALL | {"normal": [1, 0], "point": [0, 0]}]
+    result = impactfem.solve(Scene.from_dict(scene))
+    t, force, speed = (result.history[n].values for n in ("time", "contact_force", "rod.vx"))
+    pressed = 2e11 * PULL * 0.1
+    held = t < until + 0.6 / SPEED  # elements smear the front
+    np.testing.assert_allclose(force[held], pressed, rtol=2e-3 if strain == "small" else 4e-3)
+    impulse = np.trapezoid(force, t)
+    assert impulse == pytest.approx(pressed * (until + 1.0 / SPEED), rel=6e-3)
+    assert force[t > until + 1.2 / SPEED].max() < 1e-6 * pressed
+    assert speed[-1] == pytest.approx(SPEED * PULL, rel=0.03)
+    energy = result.history["total_energy"].values
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-9 if strain == "small" else 1e-6)
+
+
 @pytest.mark.parametrize("until", [1e-4, 3.3e-4])
 @pytest.mark.parametrize(("strain", "method"), METHODS)
 def test_a_moving_body_keeps_its_energy_when_it_is_let_go(strain, method, until):
