@@ -41,6 +41,7 @@ _STILL = 1e-9  # of the size of speeds, by which what slips may do so the other 
 _BRIEF = 0.5 * _SHORTEST  # share of the duration: what is told of shorter flights is rounding
 _TOUCHES = 1e-6  # of the size of a gap, below which it counts as closed
 _ROUNDS = 8
+_NAMED = 8  # entries of an order in messages; the summary has all
 
 
 @dataclass(frozen=True)
@@ -565,6 +566,11 @@ class _Search:
         return motion, along, _spans(found.motions, self.sizes)
 
 
+def _in_row(order: Sequence[str]) -> str:
+    """An order for messages."""
+    return " > ".join(order[:_NAMED]) + " > ..." * (len(order) > _NAMED)
+
+
 def _name(names: Sequence[str], row: int) -> str:
     return names[row]
 
@@ -626,7 +632,7 @@ def _resimulated(
     wrong: tuple[str, ...] = ()
     if order != asked and told.status == "converged":
         text = "contacts close and open in another order than modes say: "
-        text += f"{' > '.join(order)} instead of {' > '.join(asked)}; give that order, more nodes, "
+        text += f"{_in_row(order)} instead of {_in_row(asked)}; give that order, more nodes, "
         wrong = (f"{text}or a guess nearer to what is asked",)
     told = replace(told, wrong=wrong, more=lengths | {"true_order": order})
     return told.with_followed("event_driven", nodes), (times, states)

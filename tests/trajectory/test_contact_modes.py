@@ -2,6 +2,7 @@
 
 # ruff: noqa: ARG001, ARG005 - functions take time, states and controls
 
+import json
 import re
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import impactfem
 from impactfem import Scene, SceneError
+from impactfem.cli import main
 
 pytest.importorskip("casadi")
 
@@ -168,12 +170,38 @@ class TestPhases:
         assert found.summary["true_order"] == ["foot.floor", "flight"]
         assert found.kkt_residual < 1e-6
 
-    def test_order_that_does_not_happen(self):
-        """On a coarse mesh the floor's force is 0 at nodes, and would pull between: it lets go."""
-        found = planned(hopper(["stance", "flight"], 1000.0, nodes=12)).found
-        assert found.status == "converged"
-        assert found.summary["true_order"] == ["foot.floor", "flight"] * 2
-        assert "foot.floor > flight > foot.floor > flight instead of" in found.doubts[0]
+    @pytest.mark.parametrize("says", ["stays", "sticks", "slips"])
+    def test_order_that_does_not_happen(self, tmp_path, capsys, says):
+        """The command ends with 3 and says what happens instead.
+
+        A foot jumps on a coarse mesh: the floor's force is 0 at nodes, and would pull between: it
+        lets go. A force that shakes faster than nodes and halves of intervals see makes slip what
+        was to stick, and brings to rest what was to slip.
+        """
+        shakes = {"friction": MU, "transcription": "hybrid", "nodes": 2, "lasts": 1.0}
+        tables, order = {
+            "stays": (hopper(["stance", "flight"], 1000.0, nodes=12),
+                      ["foot.floor", "flight", "foot.floor", "flight"]),
+            "sticks": (ball(**shakes, modes=["stance"], force=("3.2*sin(4*pi*t)", "0"),
+                            end={"ball.x": 0.0}),
+                       ["ball.floor", "ball.floor_slip", "ball.floor", "ball.floor_slip_back"]),
+            "slips": (ball(**shakes, modes=["stance_slip"], velocity=(0.3, 0.0),
+                           force=("-4*sin(4*pi*t)", "0"),
+                           end={"ball.x": 0.2, "ball.vx": "free"}),
+                      ["ball.floor_slip", "ball.floor", "ball.floor_slip", "ball.floor"]),
+        }[says]  # fmt: skip
+        scene = tmp_path / "scene.toml"
+        scene.write_text(Scene.from_dict(tables).to_toml())
+        assert main(["trajectory", str(scene), "--out", str(tmp_path / "out")]) == 3
+        told = json.loads((tmp_path / "out" / "summary.json").read_text())
+        assert told["status"] == "converged"
+        assert told["true_order"][:4] == order
+        assert told["true_order"] != told["modes"]
+        happens, asked = " > ".join(order), " > ".join(told["modes"])
+        text = capsys.readouterr().err
+        assert f"contacts close and open in another order than modes say: {happens}" in text
+        assert f"instead of {asked}; give that order" in text
+        assert len(text) < 700
 
     @pytest.mark.parametrize("speed", [0.2, 1.0])
     def test_friction_holds_what_lands_within_its_cone(self, speed):
