@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _AXES = "xyz"
 _JOINTS = ("fixed", "revolute", "prismatic", "cylindrical")
 _ACROSS = np.array([0.0, 0.0, 1.0])
+_CLOSERS = (*_JOINTS, "ball")
+_HELD = "joint: they hold all bodies; nothing can move: leave one out"
 _APART = 1e-9  # of the speeds, by which a start may differ from what joints let bodies do
 
 
@@ -103,6 +105,7 @@ class _Reader:
             self._drive(robot)
         for joint in scene.couplings:
             self._along(joint)
+        self._close()
         rate = self.tree.forward()
         columns = self._columns()
         limits = {
@@ -126,8 +129,7 @@ class _Reader:
         freedoms: list[Freedom] = []
         chains: dict[str, list[int]] = {}
         held = [joint for joint in scene.joints if joint.holds]
-        for joint in held:
-            self._check_joint(joint)
+        self.closers: list[Joint] = []
         left = [body.name for body in self.plain]
         self.places: dict[str, int] = {}  # of the coordinates of joints
         while left:
@@ -152,7 +154,7 @@ class _Reader:
                     for part, moved in zip(robot.parts, robot.above, strict=True)
                 }
         if not freedoms:
-            raise SceneError("joint: they hold all bodies; nothing can move")
+            raise SceneError(_HELD)
         return Tree(freedoms, parts, rotors)
 
     def _grow(
@@ -166,11 +168,10 @@ class _Reader:
                 return
             held.remove(joint)
             one, two = joint.between or ()
+            self._check_joint(joint, _CLOSERS if {one, two} <= reached else _JOINTS)
             if {one, two} <= reached:
-                raise SceneError(
-                    f"joint.{joint.name}: closes a loop; a trajectory knows trees of joints only: "
-                    "write it by impactfem.transcribe, or leave the joint out"
-                )
+                self.closers.append(joint)
+                continue
             parent, child = (one, two) if one in reached else (two, one)
             chain = list(chains.get(parent, ()))
             sign = 1.0 if child == two else -1.0
@@ -209,14 +210,54 @@ class _Reader:
                 )
             )
 
+    def _close(self) -> None:
+        """Hold what closes loops, by rows that are independent as bodies are at t = 0."""
+        casadi, tree = loaded(), self.tree
+        start = [freedom.start for freedom in tree.freedoms]
+        kept = np.zeros((0, len(start)))
+        for joint in self.closers:
+            tree.beyond = f"joint.{joint.name} closes a loop"
+            acts = ("limits", "motor", "stiffness", "damping", "friction")
+            given = next((name for name in acts if getattr(joint, name)), None)
+            if given is not None:
+                raise SceneError(
+                    f"joint.{joint.name}.{given}: it closes a loop, which leaves it no coordinate; "
+                    "put a joint of the loop on which nothing acts last"
+                )
+            for row in self._rows(joint):
+                slope = casadi.Function("slope", [tree.q], [casadi.jacobian(row, tree.q)])(start)
+                more = np.vstack([kept, np.asarray(slope, dtype=float)])
+                if np.linalg.matrix_rank(more) > len(kept):
+                    kept = more
+                    tree.loops.append(row)
+        if len(kept) == len(start):
+            raise SceneError(_HELD)
+
+    def _rows(self, joint: Joint) -> list[Any]:
+        """What stays 0 in a joint, of q."""
+        casadi, tree = loaded(), self.tree
+        sides = [None if name == GROUND else name for name in joint.between or ()]
+        axis = _ACROSS if joint.axis is None else _unit(joint.axis)
+        frame = np.linalg.svd(axis[None])[2]  # along the axis, and twice across
+        one, two = ([tree.turned(side, way) for way in frame] for side in sides)
+        at = in_space(joint.point or ())
+        apart = tree.place(sides[1], at) - tree.place(sides[0], at)
+        shifts = [casadi.dot(way, apart) for way in one]
+        tilts = [casadi.dot(one[1], two[0]), casadi.dot(one[2], two[0])]
+        twist = casadi.dot(one[1], two[2])
+        return {
+            "ball": shifts, "revolute": shifts + tilts, "cylindrical": shifts[1:] + tilts,
+            "prismatic": [*shifts[1:], *tilts, twist], "fixed": [*shifts, *tilts, twist],
+        }[joint.kind]  # fmt: skip
+
     @staticmethod
-    def _check_joint(joint: Joint) -> None:
-        if joint.kind not in _JOINTS:
+    def _check_joint(joint: Joint, kinds: Sequence[str]) -> None:
+        if joint.kind not in kinds:
             raise SceneError(
                 f"joint.{joint.name}.kind = {show(joint.kind)}: a trajectory knows "
-                f"{', '.join(_JOINTS)}; take these"
+                f"{', '.join(kinds)}; take these"
             )
-        for name in ("friction", "soft", "motion"):
+        for name in ("soft", "motion"):
             if getattr(joint, name):
                 raise SceneError(
                     f"joint.{joint.name}.{name}: has no smooth form in a trajectory; leave it out"
@@ -257,6 +298,9 @@ class _Reader:
             if k in robot.motors:
                 force = force + self._value(robot.motors[k], {"t": tree.t, "q": q, "v": v})
             tree.push(q, force)
+            name, _, joint = freedom.name.removesuffix(".q").partition(".")
+            key = f"body.{name}.file: dry friction of joint {joint}"
+            self._rub(key, freedom.rate, q, float(robot.friction[k]))
 
     def _gravity(self) -> Floats:
         """Constant (3,)."""
@@ -289,7 +333,8 @@ class _Reader:
     def _along(self, joint: Joint) -> None:
         """What acts along the coordinate of a joint, or of a spring."""
         tree = self.tree
-        if not joint.moves or not (joint.stiffness or joint.damping or joint.motor):
+        acts = joint.stiffness or joint.damping or joint.motor or joint.friction
+        if not joint.moves or not acts or joint in self.closers:
             return
         if joint.holds:
             place = self.places[joint.name]  # counts from the first to the second body
@@ -301,8 +346,25 @@ class _Reader:
         tree.pull(q - rest, joint.stiffness, joint.damping)
         if joint.motor is not None:
             tree.push(q, self._value(joint.motor, {"t": tree.t, "q": q, "v": v}))
-        if joint.friction:
-            raise SceneError(f"joint.{joint.name}.friction: has no smooth form; leave it out")
+        self._rub(f"joint.{joint.name}.friction", f"{joint.name}.v", q, joint.friction)
+
+    def _rub(self, key: str, rate: str, q: Any, most: float) -> None:
+        """Dry friction along a coordinate: constant where its rate keeps its sign, or unknown."""
+        wanted = self.scene.trajectory
+        if not most:
+            return
+        self.tree.beyond = f"{key} is none of contacts"
+        if wanted is None or wanted.transcription == "contact_implicit":
+            self.tree.rubs.append((rate.removesuffix(".v"), self.tree.rate(q), most))
+            return
+        low, high = dict(wanted.bounds).get(rate, (-np.inf, np.inf))
+        if low < 0.0 < high:
+            raise SceneError(
+                f"{key} = {most:g}: turns with the sign of {rate}, where it has no slope; "
+                f'give trajectory.bounds."{rate}" = [0.0, MOST] or [-MOST, 0.0], which keep the '
+                'sign, or transcription = "contact_implicit"'
+            )
+        self.tree.push(q, -most if low >= 0.0 else most)
 
     def _length(self, joint: Joint) -> Any:
         """Coordinate of what holds nothing: a length, or a way along a direction."""

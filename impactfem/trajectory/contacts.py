@@ -14,6 +14,7 @@ from typing import Any, override
 import numpy as np
 
 from impactfem.arrays import Floats
+from impactfem.errors import SceneError
 from impactfem.scene import Mechanism, Point, Scene
 from impactfem.scene.breaks import Break
 from impactfem.scene.contacts import Contact
@@ -237,7 +238,16 @@ def system_of(
         gaps: What they strike.
         control: Of t to the controls (m,).
         stops: When forces jump, up to some time.
+
+    Raises:
+        SceneError: Something in it is beyond these methods.
     """
+    if known.tree.beyond:
+        raise SceneError(
+            f"{known.tree.beyond}, which event_driven does not know in coordinates of joints: "
+            "leave it out, or take what needs no events (trajectories by hermite_simpson or "
+            "contact_implicit, steps)"
+        )
     return _TreeSystem(known, gaps, control, stops)
 
 

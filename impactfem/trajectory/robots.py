@@ -29,6 +29,7 @@ class RobotParts:
         rates: At t = 0, of each coordinate.
         limits: Least and largest, of each.
         damping: Of each [N m s, N s/m].
+        friction: Largest dry friction of each [N m, N].
         rotors: Inertia that each has besides [kg m^2, kg].
         motors: In t, q and v, by place.
     """
@@ -39,6 +40,7 @@ class RobotParts:
     rates: Floats
     limits: list[tuple[float, float]]
     damping: Floats
+    friction: Floats
     rotors: Floats
     motors: Mapping[int, Formula]
 
@@ -56,11 +58,11 @@ def robot_parts(scene: Scene, body: Mechanism) -> RobotParts:
     except KeyedError as error:
         raise error.moved(f"body[{scene.bodies.index(body)}]") from None
     _check(body, [*tree.followers], tree.rates != len(tree.single) + 6 * tree.free)
-    if acting.driven or acting.friction.any():
-        what = "position: a formula drives it" if acting.driven else "friction: is not smooth"
-        names = [n for n, at in tree.single.items() if at in acting.driven or acting.friction[at]]
+    if acting.driven:
+        names = [name for name, at in tree.single.items() if at in acting.driven]
         raise SceneError(
-            f"body.{body.name}.joints.{names[0]}.{what}; a trajectory knows motors and damping"
+            f"body.{body.name}.joints.{names[0]}.position: a formula drives it; a trajectory knows "
+            "motors and damping"
         )
     model = tree.model
     order = list(range(1, model.njoints))
@@ -104,7 +106,7 @@ def robot_parts(scene: Scene, body: Mechanism) -> RobotParts:
     return RobotParts(
         freedoms, above, parts, rates,
         [(-np.inf, np.inf)] * base + [(float(low), float(high)) for low, high in ends],
-        np.append(none, acting.damping[at]),
+        np.append(none, acting.damping[at]), np.append(none, acting.friction[at]),
         np.append(none, np.asarray(model.armature, dtype=float)[at]), motors,
     )  # fmt: skip
 

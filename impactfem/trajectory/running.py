@@ -89,7 +89,8 @@ def run_again(planned: Planned, run: Callable[[Scene], Any]) -> Ran:
         pass
     else:
         return _ran(planned, result, "event_driven", 0.0, 0.0)
-    if found.problem.impacts:  # which steps take to first order only
+    # Steps take impacts to first order only; but nothing else knows friction of joints.
+    if found.problem.impacts and found.follower == "event_driven":
         return Ran(why=_follows(planned))
     steps, before, answer = count * max(1, round(_FIRST * found.nodes / count)), None, Ran()
     while steps <= _STEPS or before is None:

@@ -29,6 +29,7 @@ from impactfem.trajectory.tree import turning_of
 
 _COLUMN = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 _REST = (0.0, 0.0)
+_CLOSED = 1e-9  # of the largest of states: loops that are more open at the start are open
 _FINE = 10  # rows of what follows in each interval
 
 
@@ -106,12 +107,13 @@ def trajectory(scene: Scene | str | Path) -> Planned:
             problem, wanted.transcription, wanted.nodes, wanted.refine or 0.0, starts,
             control=_course(scene), most=wanted.max_iterations,
         )  # fmt: skip
-        fine = by_events(known, asked.struck, found, _FINE) if asked.struck else found.follow(_FINE)
+        events = bool(asked.struck) and not known.tree.beyond
+        fine = by_events(known, asked.struck, found, _FINE) if events else found.follow(_FINE)
         # What sticks at the edge of its cone may stall events; a run of the scene tells then.
         stalls = problem.pairs is not None and not np.isfinite(fine[1]).all()
         if stalls:
             fine = found.follow(_FINE)
-        elif asked.struck:
+        elif events:
             found = found.with_followed("event_driven", fine[1][::_FINE])
     casadi, tree = loaded(), known.tree
     columns = casadi.Function(
@@ -169,6 +171,7 @@ class _Asked:
         start, start_rows = self._ends("start", {
             name: (value, value) for name, value in zip(self.names, begun, strict=True)
         })  # fmt: skip
+        self._check_loops(start)
         end, end_rows = self._ends("end", {})
         turns = {each.name: 1.0 for each in tree.freedoms if each.turns or each.entry >= 0}
         transcription = self.wanted.transcription
@@ -209,6 +212,26 @@ class _Asked:
             impacts=impacts,
             pairs=pairs, pair_names=pair_names, sizes=turns,
         )  # fmt: skip
+
+    def _check_loops(self, start: Mapping[str, tuple[float, float]]) -> None:
+        """Refuse a start in which loops are open, or may be.
+
+        Raises:
+            SceneError: They are.
+        """
+        tree = self.known.tree
+        if not (tree.loops and self.wanted.start):
+            return
+        casadi = loaded()
+        told = casadi.Function("open", [self.x], [casadi.vertcat(*tree.loops, tree.opening())])
+        pairs = np.array([start.get(name, (np.nan, np.nan)) for name in self.names])
+        off = np.abs(np.asarray(told(pairs[:, 0]), dtype=float)).max()
+        if not off <= _CLOSED * np.abs(pairs).max() or np.ptp(pairs, axis=1).any():
+            raise SceneError(
+                f"trajectory.start.{next(iter(self.wanted.start))}: {tree.beyond}, which such a "
+                "start opens or leaves open: put bodies of the scene where they begin, with their "
+                "velocities, and leave start out"
+            )
 
     @property
     def duration(self) -> tuple[float, float]:

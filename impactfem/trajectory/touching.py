@@ -5,10 +5,10 @@ told by two more pairs, with an unknown w >= -min(s, 0) that takes the part of s
 
     0 <= s + w _|_ mu l - f >= 0,    0 <= w _|_ mu l + f >= 0,
 
-so that -f pushes against the slip. Each product is held below eps times the sizes of its two
-factors, and eps goes to 0. In implicit Euler steps, whose forces are those of the step's end, a
-gap that closes stays closed: an impact without rebound (Stewart and Trinkle 1996; Posa, Cantu and
-Tedrake 2014).
+so that -f pushes against the slip. Dry friction of joints has a constant in place of mu l. Each
+product is held below eps times the sizes of its two factors, and eps goes to 0. In implicit Euler
+steps, whose forces are those of the step's end, a gap that closes stays closed: an impact without
+rebound (Stewart and Trinkle 1996; Posa, Cantu and Tedrake 2014).
 """
 
 from collections.abc import Sequence
@@ -51,18 +51,25 @@ def touching(known: Symbolic, gaps: Sequence[Closing]) -> Touching:
     told = list[str]()
     pushes: Any = 0
 
-    def unknown(gap: Closing, what: str) -> Any:
-        name = f"{gap.pair}.{what}"
+    def unknown(of: str, what: str) -> Any:
+        name = f"{of}.{what}"
         count = sum(each.partition("#")[0] == name for each in names)
         names.append(f"{name}#{count}" if count else name)
         symbols.append(casadi.SX.sym(names[-1]))
         return symbols[-1]
 
-    if not gaps:
+    def rubs(of: str, speed: Any, most: Any) -> Any:
+        """Friction along a speed, at most so much: what it does to coordinates."""
+        against, back = unknown(of, "friction"), unknown(of, "slip_back")
+        pairs.extend([(speed + back, most - against), (back, most + against)])
+        told.extend([f"friction of {of}"] * 2)
+        return -casadi.jacobian(speed, tree.v).T * against
+
+    if not (gaps or tree.rubs):
         raise SceneError(
             "trajectory.transcription: contact_implicit needs contacts that may close, of balls, "
             "boxes and hulls on half-spaces or of balls on balls, with friction in the plane "
-            'alone; give these, or "hermite_simpson"'
+            'alone, or joints with friction; give these, or "hermite_simpson"'
         )
     for gap in gaps:
         if gap.restitution:
@@ -71,17 +78,14 @@ def touching(known: Symbolic, gaps: Sequence[Closing]) -> Touching:
                 f'{gap.name} has restitution = {gap.restitution:g}; give "hybrid", '
                 '"multiple_shooting", or restitution = 0'
             )
-        push = unknown(gap, "force")
+        push = unknown(gap.pair, "force")
         pairs.append((gap.gap, push))
         told.append(f"contact of {gap.name}")
         pushes = pushes + casadi.jacobian(gap.gap, tree.q).T * push
-        if not gap.friction:
-            continue
-        rubs, back = unknown(gap, "friction"), unknown(gap, "slip_back")
-        pushes = pushes - casadi.jacobian(gap.slip, tree.v).T * rubs
-        cone = gap.friction * push
-        pairs += [(gap.slip + back, cone - rubs), (back, cone + rubs)]
-        told += [f"friction of {gap.name}"] * 2
+        if gap.friction:
+            pushes = pushes + rubs(gap.pair, gap.slip, gap.friction * push)
+    for name, speed, most in tree.rubs:
+        pushes = pushes + rubs(name, speed, most)
     rate = known.rate + tree.solved(pushes)
     unknowns = casadi.vertcat(casadi.SX(0, 1), *symbols)
     return Touching(tuple(names), unknowns, rate, tuple(pairs), tuple(told))

@@ -7,6 +7,8 @@ m J^T J + W^T I W, and the inertial forces are d/dt(M v) - d(v^T M v / 2)/dq.
 What turns freely in space has the four numbers of a quaternion q as coordinates, of which q/|q| is
 its rotation. An inertia along q, of which that is independent, makes M regular: (|q|^2)'' = 0, so
 that q stays as long as it is at the start.
+
+What closes loops holds g(q) = 0 by multipliers: M v' = f + G^T l with G v' = -(G v)_q v, G = dg/dq.
 """
 
 from collections.abc import Sequence
@@ -91,6 +93,9 @@ class Tree:
         pushes: Generalised forces, added up (d,).
         elastic: Energies of springs.
         falls: Potential energies of gravity.
+        loops: What stays 0 where joints close loops, of q: independent of each other.
+        rubs: Dry friction that may hold: name, rate along which it acts, largest force.
+        beyond: What of it `event_driven` does not know, for messages; empty: nothing.
     """
 
     freedoms: list[Freedom]
@@ -99,6 +104,9 @@ class Tree:
     pushes: list[Any] = field(default_factory=list)
     elastic: list[Any] = field(default_factory=list)
     falls: list[Any] = field(default_factory=list)
+    loops: list[Any] = field(default_factory=list)
+    rubs: list[tuple[str, Any, float]] = field(default_factory=list)
+    beyond: str = ""
 
     def __post_init__(self) -> None:
         casadi = loaded()
@@ -223,12 +231,28 @@ class Tree:
         return sum(self.pushes) - drift
 
     def solved(self, right: Any) -> Any:
-        """What M x = right has for x, (d,)."""
-        return _solved(self.mass(), right)
+        """What M x = right has for x, (d,), in closed loops with G x = 0."""
+        return self._held(right, 0)
 
     def forward(self) -> Any:
         """V' (d,)."""
-        return self.solved(self.force())
+        casadi = loaded()
+        bends = casadi.jtimes(self.opening(), self.q, self.v) if self.loops else 0
+        return self._held(self.force(), -bends)
+
+    def opening(self) -> Any:
+        """Rates of what closes loops (l,)."""
+        return self.rate(loaded().vertcat(*self.loops))
+
+    def _held(self, right: Any, opens: Any) -> Any:
+        """What M x = right + G^T l has for x, with G x = opens."""
+        if not self.loops:
+            return _solved(self.mass(), right)
+        casadi, count = loaded(), right.shape[1]
+        rows = casadi.jacobian(casadi.vertcat(*self.loops), self.q)
+        both = _solved(self.mass(), casadi.horzcat(right, rows.T))
+        free, back = both[:, :count], both[:, count:]
+        return free + back @ _solved(rows @ back, opens - rows @ free)
 
 
 def _solved(matrix: Any, right: Any) -> Any:

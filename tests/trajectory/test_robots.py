@@ -1,5 +1,7 @@
 """Mechanisms of robot files in trajectories."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -146,3 +148,20 @@ def test_what_has_no_such_form_is_refused(tmp_path):
         trajectory(cart(tmp_path, joints=driven))
     with pytest.raises(SceneError, match=r"did you mean|there is no such column"):
         trajectory(cart(tmp_path, end={"m.slid.q": 1.0}))
+
+
+def test_dry_friction_of_a_file(tmp_path):
+    """Where the rate keeps its sign: as a push that is less by it."""
+    kept = {"m.slide.v": [0.0, 9.0]}
+    rates = []
+    for rubs, push in (("", 1.0), (' frictionloss="2"', 3.0)):
+        with patch(f"{__name__}.CART", CART.replace(" armature=", f"{rubs} armature=")):
+            known = symbolic(cart(tmp_path, bounds=kept))
+            tree = known.tree
+            rate = loaded().Function("rate", [tree.t, tree.q, tree.v, known.controls], [known.rate])
+            rates.append(np.asarray(rate(0.0, [0.3, 0.7], [0.4, -0.6], [push])).ravel())
+            if rubs:
+                told = r"body\.m\.file: dry friction of joint slide = 2: turns with the sign of m"
+                with pytest.raises(SceneError, match=told):
+                    trajectory(cart(tmp_path))
+    assert rates[1] == pytest.approx(rates[0], rel=1e-12)

@@ -202,9 +202,3 @@ class TestRefused:
     def test_keys(self, asked, told):
         with pytest.raises(SceneError, match=told):
             found(block(**asked))
-
-    def test_loops(self):
-        tables = cart()
-        tables["joint"].append(tables["joint"][1] | {"name": "more", "between": ["ground", "pole"]})
-        with pytest.raises(SceneError, match=r"joint\.more: closes a loop"):
-            found(tables)
