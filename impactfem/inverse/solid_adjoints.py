@@ -359,7 +359,7 @@ class Adjoints:
             raise SceneError("its damping is another")
         if solid.has_residual_stress or self._ready.seen.model.pairs:
             raise SceneError("its stress, or what of it meets others, is another")
-        if self._numbers.placed or self._numbers.stressed:
+        if self._numbers.placed or self._numbers.probed:
             raise SceneError("what is read lies elsewhere")
 
     def _summed(self, values: Floats) -> Floats:
@@ -418,6 +418,8 @@ class Adjoints:
                     continue
                 if entry.name not in _STARTS:
                     raise SceneError(f"{entry.name} is another")
+                if entry.name == "displacement" and self._numbers.probed:
+                    raise SceneError("probes read other points of it")
                 begun, moved = True, moved or entry.name == "displacement"
         self._check_beside(scene, moved=moved)
         return bool(begun)

@@ -76,7 +76,8 @@ class Numbers:
     Attributes:
         levels: Whether one counts the potential of gravity.
         stressed: Whether one is a stress.
-        placed: Whether one is read at a place in a body, or is such a place.
+        placed: Whether one is the place of a centre.
+        probed: Whether one is read at a place of t = 0, where another point of a body may be.
         into: Sums of the bodies, to which derivatives by their material are added; None: it stays.
     """
 
@@ -96,7 +97,7 @@ class Numbers:
         self._sums = [part.sums_by() for part in self._inner]
         self._shares = shares_of(interior)
         self._names = list(ready.seen.model.names)
-        self.levels = self.stressed = self.placed = False
+        self.levels = self.stressed = self.placed = self.probed = False
         self.into: Sequence[MaterialSums] | None = None
         columns = self._march.gaps.pair_of()
         self._of_pair = {name: columns == k for k, name in enumerate(self._march.gaps.pairs)}
@@ -220,7 +221,7 @@ class Numbers:
         np.add.at(moving, probes.needed[1], row[cuts[0] : cuts[1]])
         np.add.at(strained, probes.needed[2], row[cuts[1] :])
         self.stressed |= of[0] not in "uva"
-        self.placed = True
+        self.probed = True
 
         def read(level: int, weight: float) -> None:
             self._nodes(moved + strained, moving, level, weight)
