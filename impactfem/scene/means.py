@@ -128,14 +128,15 @@ class StepMean:
     def __init__(self, formula: Formula) -> None:
         self._formula, self._used = formula, formula.used - {"t"}
         self._value = formula.number
-        self._varies = "t" in formula.used
+        # What controllers hold stays within a step.
+        self._varies = formula.fixed(t=0.0).tree != formula.tree
         self._at = (np.nan, np.nan)
         self._times = self._weights = np.zeros(0)
 
     def __call__(self, start: float, end: float, **state: float) -> float:
         """Mean from one time to another [s]; ``state`` may have more than the formula uses."""
         if not self._varies:
-            return self._value(state)
+            return self._value({"t": start, **state})
         if self._formula.table is not None:
             return float(self._formula.table.mean(np.array(start), np.array(end)))
         if not end > start:
