@@ -262,7 +262,8 @@ def test_a_probe_reads_another_point_of_a_body_that_begins_elsewhere():
     # Its place is that of t = 0: what it reads of a disc that spins and begins higher is lower.
     scene = thrown(
         body={"velocity": [0.0, 0.0], "angular_velocity": 2.0, "displacement": ["0", "h"]},
-        parameter=[{"name": "h", "start": 0.01}, {"name": "w", "key": "body.disc.angular_velocity"}],
+        parameter=[{"name": "h", "start": 0.01},
+                   {"name": "w", "key": "body.disc.angular_velocity"}],
         measure=[{"name": "told", "of": "tip.vx", "at": 0.0}], duration=1e-3,
         probe=[{"name": "tip", "body": "disc", "point": [0.0, 0.08], "quantities": ["velocity"]}],
     )  # fmt: skip
