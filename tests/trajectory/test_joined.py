@@ -167,6 +167,8 @@ class TestFriction:
                               end={"rail.q": way * size}))  # fmt: skip
         assert answer.found.trusted
         assert answer.found.cost == pytest.approx(LEAST * size**2, rel=1e-9)
+        begins = answer.found.control([0.0]).item()
+        assert begins == pytest.approx(2.0 * way * FRICTION * size, rel=1e-6)
 
     def test_by_complementarity(self):
         """As the same friction of a block on a floor; see test_contact_modes.py."""
