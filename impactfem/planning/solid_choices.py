@@ -67,12 +67,17 @@ class Steps:
 
 
 def choose_method(
-    scene: Scene, sizes: Sequence[Size], largest: Sequence[float], reasons: dict[str, str]
+    scene: Scene,
+    solids: Sequence[Solid],
+    sizes: Sequence[Size],
+    largest: Sequence[float],
+    reasons: dict[str, str],
 ) -> str:
     """As asked, else the cheapest that keeps what the duration asks for.
 
     Args:
         scene: The scene.
+        solids: Its solids, each of the one material whose waves ask for the least steps.
         sizes: How large each discretised solid is.
         largest: Largest extent of each [m].
         reasons: Gets the reason.
@@ -80,7 +85,7 @@ def choose_method(
     if scene.solve.method is not None:
         reasons["method"] = "as asked"
         return scene.solve.method
-    solids, duration = scene.solids, scene.duration
+    duration = scene.duration
     transits = max(
         duration * leading_speed(solid) / extent
         for solid, extent in zip(solids, largest, strict=True)

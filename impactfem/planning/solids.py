@@ -96,7 +96,9 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     found = [measured(part) for part in model.parts]
     alike, sizes = _of_one_material(scene, model), [size for size, _ in found]
     solids, solve = alike.solids, scene.solve
-    method = choose_method(alike, sizes, [max(extents) for _, extents in found], reasons)
+    method = choose_method(
+        scene, alike.solids, sizes, [max(extents) for _, extents in found], reasons
+    )
     steps = choose_steps(alike, method, sizes, reasons)
     steps = shortened(steps, scene, few_step(model.few), reasons)
     steps, apart = follow_vibration(scene, model, steps, reasons)

@@ -8,7 +8,7 @@ import numpy as np
 
 from impactfem.scene.given import Given
 from impactfem.scene.inline import ListOf, NumberOrList, Vector
-from impactfem.scene.joints import Joint
+from impactfem.scene.joints import GROUND, Joint
 from impactfem.scene.kinds import Name, Real, SideName
 from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
@@ -114,11 +114,11 @@ class SpringElement:
         if self.point is not None and self.points is not None:
             raise self._fail("point", " and points are given: give one of them.")
         same = self.between[0] == self.between[1]
+        if same and (self.points is None or self.between[0] == GROUND):
+            text = " is one place twice: a spring needs two; give others, or two points of a body."
+            raise self._fail("between", text)
         if self.points is not None:
             self._check_points(self.points)
-        elif same:
-            text = " is one place twice: a spring needs two; give others, or two points."
-            raise self._fail("between", text)
 
     def _check_points(self, points: Sequence[Sequence[float]]) -> None:
         if len(points) != 2 or len(points[0]) != len(points[1]):

@@ -119,6 +119,7 @@ def test_a_rest_loads_the_spring_and_a_static_start_relaxes_it():
     [
         ({"points": [[0.0, 0.0]] * 2}, "points = .* are one place"),
         ({"between": ["b", "b"]}, "is one place twice"),
+        ({"between": ["ground"] * 2, "points": [[0.0, 0.0], [1.0, 0.0]]}, "is one place twice"),
         ({"stiffness": 0.0}, "a spring without either does nothing"),
         ({"stiffness": [1.0, 2.0, 3.0]}, "has 3 numbers, the bodies have 2 coordinates"),
         ({"stiffness": -1.0}, "stiffness = -1"),

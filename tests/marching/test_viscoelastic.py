@@ -364,6 +364,17 @@ def test_groups_relax_each_in_its_own_way(tmp_path, ratio):
 
 
 @pytest.mark.parallel(1)
+def test_the_plan_for_groups_that_relax_is_one_that_runs(tmp_path):
+    """It was explicit steps, by the material of the fastest waves, that the run refused."""
+    laws = {"near": {"viscoelastic": RELAXING}, "far": {"youngs_modulus": 100.0}}
+    body = layers(tmp_path, materials=laws, strain="small", velocity=[-0.01, 0.0])
+    wall = {"kind": "half_space", "name": "wall", "normal": [1, 0], "point": [-1e-3, 0]}
+    found = impactfem.solve(scene(body, method=None, dt=None, obstacle=(wall,), duration=0.5))
+    assert found.summary["method"] == "conserving"
+    assert found.history["contact_force"].values.max() > 0.0
+
+
+@pytest.mark.parallel(1)
 def test_groups_show_their_own_stress(tmp_path):
     """Probes and fields of small strains and of finite ones agree as far as strains are small."""
     laws = {"near": {"viscoelastic": RELAXING}, "far": {"viscoelastic": RETARDED}}
