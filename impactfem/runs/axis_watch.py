@@ -22,7 +22,7 @@ from impactfem.marching.marched import Marched
 from impactfem.marching.rows import Level
 from impactfem.models.solids import SolidsModel
 from impactfem.runs.verdict import PENETRATION_LIMITS
-from impactfem.scene.content import Obstacle
+from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import obstacles_of
 
 _PLACES = 8  # along each line, looked at first
@@ -32,6 +32,8 @@ _WEIGHTS = {
     3: np.array([*np.eye(3), *(0.5 * (1.0 - np.eye(3))), [1.0 / 3.0] * 3]),
 }
 """Weights of the corners at places of a line, and of a triangle, (places, corners)."""
+_BESIDE = {2: 0.5 / _PLACES, 3: 0.5}
+"""How far from the nearest of these places a point may lie, share of the longest side."""
 
 _BEST, _LOOKS_CLOSER, _CLOSER = 8, 12, 0.7  # simplices that are looked at again, each smaller
 _LOOKS = 400  # at a run
@@ -102,9 +104,10 @@ class AxisWatch:
                 if march.shown.nodes_sink:
                     corners = simplices.reshape(-1, simplices.shape[2])
                     reach = min(room, signed_distance(obstacle, corners, level.time)[0].min())
-                depth = reach - _nearest(obstacle, simplices, level.time)
                 pair = name, obstacle.name
-                if np.isfinite(depth) and depth > self.depth.get(pair, 0.0):
+                known = self.depth.get(pair, 0.0)
+                depth = reach - _nearest(obstacle, simplices, level.time, reach - known)
+                if np.isfinite(depth) and depth > known:
                     self.depth[pair] = depth
 
     def _look_between(self, level: Level) -> None:
@@ -171,11 +174,13 @@ class AxisWatch:
         self.depth = {(body, obstacle): depth for body, obstacle, depth in seen}
 
 
-def _nearest(obstacle: Obstacle, simplices: Floats, time: float) -> float:
+def _nearest(obstacle: Rigid, simplices: Floats, time: float, below: float) -> float:
     """Least signed distance [m] of an obstacle from lines or triangles (several, corners, dim).
 
-    The distance from a convex obstacle is convex on each: a look at ever smaller parts about the
-    best place finds tips that are far smaller than the simplices.
+    Only one below a limit [m] is looked for. The distance from a convex obstacle changes by no more
+    than the way from place to place: simplices farther off are left, and most levels end with the
+    first look. It is convex on each, too: a look at ever smaller parts about the best place finds
+    tips that are far smaller than the simplices.
     """
     weights, least = _WEIGHTS[simplices.shape[1]], np.inf
     for _ in range(1 + _LOOKS_CLOSER):
@@ -185,6 +190,12 @@ def _nearest(obstacle: Obstacle, simplices: Floats, time: float) -> float:
         own = away.min(axis=1)
         least = min(least, float(own.min()))
         best = np.argsort(own)[:_BEST]
+        if obstacle.is_convex:
+            sides = simplices[best] - np.roll(simplices[best], 1, axis=1)
+            beside = _BESIDE[simplices.shape[1]] * np.linalg.norm(sides, axis=2).max(axis=1)
+            best = best[own[best] - beside < below]
+            if not len(best):
+                break
         centres = places[best, away[best].argmin(axis=1)][:, None]
         simplices = centres + _CLOSER * (simplices[best] - centres)
     return least

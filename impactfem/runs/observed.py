@@ -50,6 +50,7 @@ class Observed:
         probes: Look at places.
         touching: Looks at contact forces; None where pairs have no columns.
         feedback: Samples controllers; None without any.
+        beside: Whether it runs to be compared with another, which says what contact lets through.
     """
 
     model: SolidsModel
@@ -62,6 +63,7 @@ class Observed:
     probes: SolidProbes
     touching: ContactPlaces | None
     feedback: Feedback | None
+    beside: bool
 
     @classmethod
     def of(
@@ -85,6 +87,7 @@ class Observed:
             SceneError: A probe is outside its body.
         """
         march, parts = loop.march, model.parts
+        beside = places is not None
         limits = ModelWatch(
             {**{p.solid.name: Stretches(p.system, p.solid) for p in parts}, **_line_looks(few)},
             [*(len(p.system.constrained) for p in parts), *(0 for _ in few)],
@@ -103,7 +106,7 @@ class Observed:
         touching = ContactPlaces.of(march, loop.gaps, loop.contacts, model)
         axes = AxisWatch(model, few, loop.contacts.places, march.layers)
         watch = Watch(model, max(1, march.layers // 50), axes, all_held=loop.gaps.shares_nodes)
-        looks = watch, limits, probes, touching, feedback
+        looks = watch, limits, probes, touching, feedback, beside
         return cls(model, scheme, numbers, loop, limit, *looks)
 
     @property
@@ -118,7 +121,7 @@ class Observed:
 
     def observers(self) -> list[Observer]:
         """What looks at levels, in this order."""
-        found: list[Observer] = [self.watch, self.limits]
+        found: list[Observer] = [self.limits] if self.beside else [self.watch, self.limits]
         found += [self.probes] if self.probes.names else []
         found += [self.touching] if self.touching else []
         return found + ([self._feed] if self.feedback else [])

@@ -1,13 +1,11 @@
 """The command line as a user starts it: in this process, in one of its own, or on several ranks."""
 
-import os
-import signal
 import subprocess
 import sys
 from dataclasses import dataclass
 
 import pytest
-from processes import BARE, LAUNCHER, environment, ranks
+from processes import BARE, as_started, environment, ranks
 
 from impactfem.cli import main
 
@@ -84,19 +82,11 @@ def work(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def command(work, capsys, monkeypatch):  # noqa: ARG001  (in the working folder)
+def command(work, capsys):  # noqa: ARG001  (in the working folder)
     """Run the command line in this process, which is as good as a start and faster.
 
     Pictures and pages, most of the time of a small run, are drawn only if they are asked for.
     """
-    for name in os.environ:
-        if LAUNCHER.match(name):
-            monkeypatch.delenv(name)
-    for name in ("OMP_NUM_THREADS", "PETSC_OPTIONS"):  # as they were, whatever is set meanwhile
-        monkeypatch.setenv(name, os.environ.get(name, ""))
-    monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    handlers = {number: signal.getsignal(number) for number in numbers}
 
     def run(*arguments, drawn=False):
         words = [str(argument) for argument in arguments]
@@ -107,6 +97,5 @@ def command(work, capsys, monkeypatch):  # noqa: ARG001  (in the working folder)
         captured = capsys.readouterr()
         return Done(code, captured.out, said(captured.err))
 
-    yield run
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
+    with as_started():
+        yield run

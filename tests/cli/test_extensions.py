@@ -131,7 +131,7 @@ def goes_on(command, work, monkeypatch, scene, options):
     np.testing.assert_array_equal(history(work / "half"), whole)
 
     words = ("-m", "impactfem", "run", "--restart", "ranks", "--quiet")
-    missing = launch(work, 2, *words)
+    missing = launch(work, 1, *words)  # in a process without it
     assert missing.code == 2
     assert launch(work, 2, *words, *options).code == 0
     np.testing.assert_allclose(history(work / "ranks"), whole, rtol=1e-10, atol=1e-12)

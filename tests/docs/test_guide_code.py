@@ -4,24 +4,30 @@ Fenced blocks of a page are taken in their order, in one scratch folder a page:
 
 - any language with a caption: the text is written to the file of that name; with `diff` as the
   language and a file of the package as the caption, a copy of the package is changed so;
-- `sh`: run, with a caption only where VTK can draw off screen;
+- `sh`: run, with a caption only where VTK can draw off screen; what `impactfem` says comes from
+  this process, which is as good as a start and faster, and it draws nothing;
 - `text` with the caption "prints": what the last `sh` block printed, word by word. `...` stands for
   any word, `[...]` for all that follows; numbers may differ by 5 %, those below 1e-7 as they like;
 - anything else (`console`, `text`) is only shown.
 """
 
+import io
 import math
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 import tomllib
+from contextlib import chdir, redirect_stdout
 from pathlib import Path
 
 import pytest
+from processes import BARE, as_started
 
 import impactfem
+from impactfem.cli import main
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 TOP_PAGES = ("start", "units", "faq", "coming_from_abaqus", "coming_from_mujoco")
@@ -34,6 +40,8 @@ PAGES = sorted(
 # The scenes of these pages need the kinds that the pages add.
 ADDING = {DOCS / "howto" / f"{name}.md" for name in ("body", "obstacle", "law")}
 SHOWING = sorted({*DOCS.glob("*.md"), *PAGES} - ADDING)
+# Up to what another program or file takes from it.
+CALL = re.compile(r"impactfem (?P<words>([^'|>;&]|'[^']*')+)(?P<rest>.*)")
 BLOCK = re.compile(
     r"^```(?:\{code-block\} )?(?P<language>\w+)\n(?::caption: (?P<caption>[^\n]+)\n)?"
     r"(?::[^\n]*\n)*(?P<text>.*?)^```$",
@@ -68,12 +76,28 @@ def environment(folder):
 
 def execute(text, folder):
     """What a block of shell commands prints; every command must end well."""
+    text = "\n".join(called(line, folder) for line in text.splitlines())
     done = subprocess.run(
         ["sh", "-e", "-c", text], cwd=folder, env=environment(folder), timeout=900,
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, f"{text}\n{done.stdout}\n{done.stderr}"
     return done.stdout
+
+
+def called(line, folder):
+    """A line of a shell, with what `impactfem` said in this process in the place of its call.
+
+    A page that adds to the package, or another stream than the first, takes a process of its own.
+    """
+    found = CALL.match(line)
+    if found is None or "--extension" in line or "2>" in line or (folder / "changed").exists():
+        return line
+    words, said = shlex.split(found["words"]), io.StringIO()
+    with as_started(), chdir(folder), redirect_stdout(said):
+        code = main([*words, *(BARE if words[0] == "run" else ())])
+    (folder / ".said").write_text(said.getvalue(), encoding="utf-8")
+    return f"(cat .said; exit {code}){found['rest']}"
 
 
 def can_draw(folder):

@@ -3,7 +3,9 @@
 import os
 import re
 import shutil
+import signal
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,23 @@ def environment(**changes):
     """That of the tests, but for marks of ranks; one thread, and no files beside the sources."""
     kept = {name: value for name, value in os.environ.items() if not LAUNCHER.match(name)}
     return kept | {"OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"} | changes
+
+
+@contextmanager
+def as_started():
+    """What the command line finds in a process of its own, and sets, for calls in this one."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in os.environ:
+            if LAUNCHER.match(name):
+                patch.delenv(name)
+        for name in ("OMP_NUM_THREADS", "PETSC_OPTIONS"):  # as they were, whatever is set meanwhile
+            patch.setenv(name, os.environ.get(name, ""))
+        patch.setenv("OMP_NUM_THREADS", "1")
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        handlers = {number: signal.getsignal(number) for number in numbers}
+        yield
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 def ranks(count):
