@@ -75,18 +75,20 @@ def environment(folder):
 
 
 def execute(text, folder):
-    """What a block of shell commands prints; every command must end well."""
-    text = "\n".join(called(line, folder) for line in text.splitlines())
-    done = subprocess.run(
-        ["sh", "-e", "-c", text], cwd=folder, env=environment(folder), timeout=900,
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, f"{text}\n{done.stdout}\n{done.stderr}"
-    return done.stdout
+    """What the lines of a block print, each a command of the shell; all must end well."""
+    printed = ""
+    for line in text.splitlines():
+        done = subprocess.run(
+            ["sh", "-e", "-c", called(line, folder)], cwd=folder, env=environment(folder),
+            timeout=900, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+        printed += done.stdout
+    return printed
 
 
 def called(line, folder):
-    """A line of a shell, with what `impactfem` said in this process in the place of its call.
+    """A line for the shell, with what `impactfem` said in this process in the place of its call.
 
     A page that adds to the package, or another stream than the first, takes a process of its own.
     """
