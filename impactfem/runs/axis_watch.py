@@ -177,10 +177,9 @@ class AxisWatch:
 def _nearest(obstacle: Rigid, simplices: Floats, time: float, below: float) -> float:
     """Least signed distance [m] of an obstacle from lines or triangles (several, corners, dim).
 
-    Only one below a limit [m] is looked for. The distance from a convex obstacle changes by no more
-    than the way from place to place: simplices farther off are left, and most levels end with the
-    first look. It is convex on each, too: a look at ever smaller parts about the best place finds
-    tips that are far smaller than the simplices.
+    Only one below a limit [m] is looked for: simplices that are farther off are left, and most
+    levels end with the first look. The distance from a convex obstacle is convex on each: a look at
+    ever smaller parts about the best place finds tips that are far smaller than the simplices.
     """
     weights, least = _WEIGHTS[simplices.shape[1]], np.inf
     for _ in range(1 + _LOOKS_CLOSER):
@@ -190,12 +189,11 @@ def _nearest(obstacle: Rigid, simplices: Floats, time: float, below: float) -> f
         own = away.min(axis=1)
         least = min(least, float(own.min()))
         best = np.argsort(own)[:_BEST]
-        if obstacle.is_convex:
-            sides = simplices[best] - np.roll(simplices[best], 1, axis=1)
-            beside = _BESIDE[simplices.shape[1]] * np.linalg.norm(sides, axis=2).max(axis=1)
-            best = best[own[best] - beside < below]
-            if not len(best):
-                break
+        sides = simplices[best] - np.roll(simplices[best], 1, axis=1)
+        beside = _BESIDE[simplices.shape[1]] * np.linalg.norm(sides, axis=2).max(axis=1)
+        best = best[obstacle.least_near(own[best], beside) < below]
+        if not len(best):
+            break
         centres = places[best, away[best].argmin(axis=1)][:, None]
         simplices = centres + _CLOSER * (simplices[best] - centres)
     return least

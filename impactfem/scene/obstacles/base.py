@@ -172,6 +172,13 @@ class RigidObstacle(ABC):
         """Whether edges and faces of rigid bodies may meet it."""
         return self.corners is not None or (self.core is not None and self.core.side > 0.0)
 
+    def least_near(self, gaps: Floats, ways: Floats) -> Floats:
+        """What gaps [m] fall to at most on ways [m] from where they are known, (places,) each.
+
+        The gap from a convex one changes by no more than the way; others may change the side.
+        """
+        return gaps - ways if self.is_convex else np.full(len(gaps), -np.inf)
+
     @property
     def plane(self) -> Plane | None:
         """Where it ends if that is a plane."""
