@@ -15,7 +15,7 @@ from impactfem.scene.grammar import Node
 from impactfem.scene.joints import GROUND
 from impactfem.scene.values import show
 from impactfem.trajectory.symbols import loaded
-from impactfem.trajectory.tree import Freedom, Part, Tree, in_space, turning_of
+from impactfem.trajectory.tree import Freedom, Part, Rub, Tree, in_space, turning_of
 
 if TYPE_CHECKING:
     from impactfem.trajectory.robots import RobotParts
@@ -350,21 +350,15 @@ class _Reader:
 
     def _rub(self, key: str, rate: str, q: Any, most: float) -> None:
         """Dry friction along a coordinate: constant where its rate keeps its sign, or unknown."""
-        wanted = self.scene.trajectory
         if not most:
             return
+        wanted = self.scene.trajectory
+        low, high = dict(wanted.bounds if wanted else {}).get(rate, (-np.inf, np.inf))
         self.tree.beyond = f"{key} is none of contacts"
-        if wanted is None or wanted.transcription == "contact_implicit":
-            self.tree.rubs.append((rate.removesuffix(".v"), self.tree.rate(q), most))
-            return
-        low, high = dict(wanted.bounds).get(rate, (-np.inf, np.inf))
         if low < 0.0 < high:
-            raise SceneError(
-                f"{key} = {most:g}: turns with the sign of {rate}, where it has no slope; "
-                f'give trajectory.bounds."{rate}" = [0.0, MOST] or [-MOST, 0.0], which keep the '
-                'sign, or transcription = "contact_implicit"'
-            )
-        self.tree.push(q, -most if low >= 0.0 else most)
+            self.tree.rubs.append(Rub(key, rate, self.tree.rate(q), most))
+        else:
+            self.tree.push(q, -most if low >= 0.0 else most)
 
     def _length(self, joint: Joint) -> Any:
         """Coordinate of what holds nothing: a length, or a way along a direction."""

@@ -189,6 +189,13 @@ class _Asked:
             pair_names = touch.pair_names
             self.controls = casadi.vertcat(known.controls, touch.symbols)
             controls |= dict.fromkeys(touch.names, (-np.inf, np.inf))
+        elif tree.rubs:
+            rub = tree.rubs[0]
+            raise SceneError(
+                f"{rub.key} = {rub.most:g}: turns with the sign of {rub.rate}, where it has no "
+                f'slope; give trajectory.bounds."{rub.rate}" = [0.0, MOST] or [-MOST, 0.0], which '
+                'keep the sign, or transcription = "contact_implicit"'
+            )
         elif transcription == "hybrid":
             self.struck = self.gaps
         paths += [

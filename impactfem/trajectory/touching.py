@@ -84,8 +84,8 @@ def touching(known: Symbolic, gaps: Sequence[Closing]) -> Touching:
         pushes = pushes + casadi.jacobian(gap.gap, tree.q).T * push
         if gap.friction:
             pushes = pushes + rubs(gap.pair, gap.slip, gap.friction * push)
-    for name, speed, most in tree.rubs:
-        pushes = pushes + rubs(name, speed, most)
+    for rub in tree.rubs:
+        pushes = pushes + rubs(rub.rate.removesuffix(".v"), rub.speed, rub.most)
     rate = known.rate + tree.solved(pushes)
     unknowns = casadi.vertcat(casadi.SX(0, 1), *symbols)
     return Touching(tuple(names), unknowns, rate, tuple(pairs), tuple(told))

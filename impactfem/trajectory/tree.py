@@ -82,6 +82,23 @@ class Part:
     inertia: Floats
 
 
+@dataclass(frozen=True)
+class Rub:
+    """Dry friction in a joint.
+
+    Attributes:
+        key: Who says it, for messages.
+        rate: Name of the rate against which it acts.
+        speed: This, in symbols.
+        most: Largest force [N m, N].
+    """
+
+    key: str
+    rate: str
+    speed: Any
+    most: float
+
+
 @dataclass
 class Tree:
     """Bodies that move by coordinates, in symbols.
@@ -94,7 +111,7 @@ class Tree:
         elastic: Energies of springs.
         falls: Potential energies of gravity.
         loops: What stays 0 where joints close loops, of q: independent of each other.
-        rubs: Dry friction that may hold: name, rate along which it acts, largest force.
+        rubs: Dry friction that may hold.
         beyond: What of it `event_driven` does not know, for messages; empty: nothing.
     """
 
@@ -105,7 +122,7 @@ class Tree:
     elastic: list[Any] = field(default_factory=list)
     falls: list[Any] = field(default_factory=list)
     loops: list[Any] = field(default_factory=list)
-    rubs: list[tuple[str, Any, float]] = field(default_factory=list)
+    rubs: list[Rub] = field(default_factory=list)
     beyond: str = ""
 
     def __post_init__(self) -> None:
