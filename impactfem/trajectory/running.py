@@ -90,7 +90,7 @@ def run_again(planned: Planned, run: Callable[[Scene], Any]) -> Ran:
     else:
         return _ran(planned, result, "event_driven", 0.0, 0.0)
     # Steps take impacts to first order only; but nothing else knows friction of joints.
-    if found.problem.impacts and found.follower == "event_driven":
+    if found.problem.impacts and _by_events(planned):
         return Ran(why=_follows(planned))
     steps, before, answer = count * max(1, round(_FIRST * found.nodes / count)), None, Ran()
     while steps <= _STEPS or before is None:
@@ -115,11 +115,15 @@ def _why_none(planned: Planned) -> str:
     found = planned.found
     if found.status != "converged":
         return "nothing was found"
-    by_events = found.transcription in TOUCHING and found.follower == "event_driven"
-    if by_events and not planned.unseen:
+    if found.transcription in TOUCHING and _by_events(planned) and not planned.unseen:
         return _follows(planned)
     moved = _moved(planned)
     return f"it starts with another {moved} than the scene" if moved else ""
+
+
+def _by_events(planned: Planned) -> bool:
+    """Whether what follows was told from event to event, in coordinates."""
+    return planned.found.follower == "event_driven"
 
 
 def _follows(planned: Planned) -> str:
