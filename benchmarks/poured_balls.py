@@ -14,7 +14,8 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -66,26 +67,46 @@ def poured(count: int, steps: int) -> Scene:
     )  # fmt: skip
 
 
+@contextmanager
+def watched(tick: Callable[[Level], None]) -> Iterator[None]:
+    """Have what runs inside show the level after each step.
+
+    Raises:
+        RuntimeError: It showed none.
+    """
+    go_on, shown = TimeLoop.go_on, []
+
+    def watching(
+        loop: TimeLoop[Any], observers: Sequence[Callable[[Level], None]], end: int
+    ) -> None:
+        shown.append(end)
+        go_on(loop, [*observers, tick], end)
+
+    TimeLoop.go_on = watching  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        TimeLoop.go_on = go_on  # type: ignore[method-assign]
+    if not shown:
+        raise RuntimeError("no time loop ran")
+
+
 def measured(count: int, asked: float | None) -> dict[str, Any]:
     """One run in this process: times of the processor, memory, residual and penetration."""
     steps, marks, seen = STEPS.get(count, USUAL), [], {}
-    run = TimeLoop.run
 
-    def timed(self: TimeLoop[Any], observers: Sequence[Callable[[Level], None]] = ()) -> None:
-        def mark(level: Level) -> None:
-            marks.append(time.process_time())
-            seen["push"] = int((level.force > 0.0).sum())
-            seen["depth"] = max(seen.get("depth", 0.0), -float(level.gap.min()))
-
-        run(self, [*observers, mark])
+    def mark(level: Level) -> None:
+        marks.append(time.process_time())
+        seen["push"] = int((level.force > 0.0).sum())
+        seen["depth"] = max(seen.get("depth", 0.0), -float(level.gap.min()))
 
     impactfem.solve(poured(25, 100))  # what is compiled or loaded once
-    TimeLoop.run = timed  # type: ignore[method-assign]
     begin = time.process_time()
     scene = poured(count, steps)
     if asked is not None:
         scene = scene.with_settings({"solve.friction_residual": asked})
-    found = impactfem.solve(scene)
+    with watched(mark):
+        found = impactfem.solve(scene)
     whole, details = time.process_time() - begin, found.summary["details"]
     each, left = 1e3 * np.diff(marks), details.get("friction_residual", 0.0)
     return {

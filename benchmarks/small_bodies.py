@@ -3,26 +3,24 @@
     python benchmarks/small_bodies.py [--runs 3] [--out benchmarks/results] [NAME...]
 
 Each scene runs some times in turn in one process of one thread; the least counts. The time of a
-step is that of the loop between its first observation and its last, with rows and observers.
+step is that of the loop between the ends of its first step and its last, with rows and observers.
 """
 
 import argparse
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from finite_peers import BODY
-from poured_balls import poured
+from poured_balls import poured, watched
 from rigid_ensemble import thrown
 from rigid_peers import bodies, cases
 from stamp import write_stamp
 
 import impactfem
 from impactfem import Scene
-from impactfem.marching.rows import Level
-from impactfem.marching.time_loop import TimeLoop
 from impactfem.studies.study import markdown_table
 
 HERE = Path(__file__).resolve().parent
@@ -88,16 +86,8 @@ def heap(count: int, steps: int) -> Scene:
 def laps(scene: Scene) -> np.ndarray:
     """Times of the steps of a run [ms]."""
     marks: list[float] = []
-    run = TimeLoop.run
-
-    def timed(self: TimeLoop[Any], observers: Sequence[Callable[[Level], None]] = ()) -> None:
-        run(self, [*observers, lambda level: marks.append(time.process_time())])  # noqa: ARG005
-
-    TimeLoop.run = timed  # type: ignore[method-assign]
-    try:
+    with watched(lambda level: marks.append(time.process_time())):  # noqa: ARG005
         impactfem.solve(scene)
-    finally:
-        TimeLoop.run = run  # type: ignore[method-assign]
     return 1e3 * np.diff(marks)
 
 

@@ -62,7 +62,7 @@ def updates():
 
 # After each step one unit of work: caches and other work on the machine are the same for both.
 times, active, units, plain = [], [], [], []
-def watched(march, observers):
+def watched(march, observers, end):
     begin = now()
     def tick(level):
         nonlocal begin
@@ -76,9 +76,9 @@ def watched(march, observers):
         begin = now()
     if not explicit:
         y.setRandom()
-    run(march, [tick])
-run = solids.SolidMarch.run
-solids.SolidMarch.run = watched
+    go_on(march, [tick], end)
+go_on = solids.SolidMarch.go_on
+solids.SolidMarch.go_on = watched
 motion, _ = run_solids(scene, chosen, Progress())
 out["memory"] = memory() - loaded
 out["times"], out["active"] = times[1:], active[1:]
