@@ -19,6 +19,11 @@ _CORNER = 2.0775  # of the two-pole filter whose two passes make a class, SAE J2
 _EVEN = 1e-6  # share by which steps of one length differ
 
 
+def longest_row(probe: Probe) -> float:
+    """Longest time between rows of the history that its filter allows [s]."""
+    return 1.0 / (_SAMPLES * FILTERS[probe.filter]) if probe.filter else math.inf
+
+
 def check_sampling(probes: Sequence[Probe], step: float) -> None:
     """Refuse filters that ask for shorter steps.
 
@@ -30,7 +35,7 @@ def check_sampling(probes: Sequence[Probe], step: float) -> None:
         SceneError: The standard's ten samples in 1 / class are missing.
     """
     for index, probe in enumerate(probes):
-        longest = 1.0 / (_SAMPLES * FILTERS[probe.filter]) if probe.filter else math.inf
+        longest = longest_row(probe)
         if step > longest * (1.0 + _EVEN):
             raise SceneError(
                 f"probe[{index}].filter = {show(probe.filter)} takes a row every {longest:.4g} s "
@@ -104,7 +109,8 @@ def cfc(values: Floats, step: float, number: float) -> Floats:
     """Pass samples through a channel frequency class of SAE J211-1.
 
     A Butterworth filter of two poles at 2.0775 times the class, forwards and backwards: no shift of
-    phase, four poles in all. Ends are continued by their image in the first and the last value.
+    phase, four poles in all. Ends are mirrored, so that the mean of the record stays: what lies
+    beyond a last sample that is mostly noise is not that noise.
 
     Args:
         values: (samples,).
@@ -116,6 +122,7 @@ def cfc(values: Floats, step: float, number: float) -> Floats:
     corner = 2.0 * _CORNER * number * step
     if corner >= 1.0 or len(values) < 2:
         return values
-    over = min(len(values) - 1, math.ceil(2.0 / (number * step)))
-    filtered: Floats = filtfilt(*butter(2, corner), values, padtype="odd", padlen=over)
+    over = math.ceil(2.0 / (number * step))
+    mirrored = np.pad(values, over, mode="symmetric")
+    filtered: Floats = filtfilt(*butter(2, corner), mirrored, padtype=None)[over:-over]
     return filtered

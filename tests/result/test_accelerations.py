@@ -52,6 +52,16 @@ def test_a_class_has_the_coefficients_of_the_standard(name):
         assert np.abs(found[2000:6000]).max() == pytest.approx(gain, abs=0.02)
 
 
+@pytest.mark.parametrize("length", [400, 4000])
+def test_a_last_sample_of_noise_is_not_taken_for_what_follows(length):
+    """Of records shorter and longer than what a class looks back on, 1 / class = 1000 samples."""
+    noise = np.zeros(length)
+    noise[-1] = 1.0
+    found = cfc(noise, 1e-3, 1.0)
+    assert np.abs(found).max() < 0.02
+    assert found.sum() == pytest.approx(1.0, rel=1e-6)
+
+
 def test_the_integral_is_the_change_of_velocity_whatever_the_steps():
     times = np.cumsum([0.0, *np.tile([1e-4, 3e-5, 2e-4], 1000)])
     velocity = -9.81 * times + 4.0 * (times > 0.0999)
