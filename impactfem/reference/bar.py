@@ -1,6 +1,7 @@
 """The exact solution of a scene, as a reference for errors and as a method of its own."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -94,6 +95,8 @@ class Errors:
         displacement_l2: L2 norm over space-time by the trapezoidal rule at the nodes, relative.
         force_l1: Integral of |force - exact force| over that of the exact force.
         measured: Whether that is an exact solution; else they are estimates.
+        probes: Of what probes tell besides displacements, by ``PROBE.QUANTITY``: root of the mean
+            square in time; None where further runs tell none.
     """
 
     reference: str
@@ -101,6 +104,7 @@ class Errors:
     displacement_l2: float
     force_l1: float
     measured: bool = False
+    probes: Mapping[str, float | None] = field(default_factory=dict)
 
     def plus(self, reference: "Errors") -> "Errors":
         """With those of the reference itself."""

@@ -180,5 +180,16 @@ def _error(error: Mapping[str, Any] | None) -> str:
     return (
         f"displacement max {number(error['displacement_max'])}, L2 "
         f"{number(error['displacement_l2'])}, force L1 {number(error['force_l1'])} "
-        f"(relative, against the {error['reference']})"
+        f"(relative, against the {error['reference']}){_of_probes(error['probes'])}"
     )
+
+
+def _of_probes(errors: Mapping[str, float | None]) -> str:
+    """The largest error of what probes tell, and how many are not known."""
+    known = [(value, name) for name, value in errors.items() if value is not None]
+    missing = [name for name, value in errors.items() if value is None]
+    found = f"; of probes {number(max(known)[0])} at most ({max(known)[1]})" if known else ""
+    if missing:
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        found += f"; of {missing[0]}{more} none is told: further runs do not come near it"
+    return found

@@ -68,6 +68,7 @@ class ErrorFigures(TypedDict):
     displacement_l2: float
     force_l1: float
     measured: bool
+    probes: dict[str, float | None]
 
 
 class FindingFigures(TypedDict):

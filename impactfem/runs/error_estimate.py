@@ -8,10 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from impactfem.errors import ConvergenceError, ImpactError
+import numpy as np
+
+from impactfem.errors import ConvergenceError, ImpactError, SceneError
 from impactfem.log import Progress
 from impactfem.planning import MarchNumbers, Plan
 from impactfem.reference.bar import Errors
+from impactfem.runs.accelerations import longest_row
 from impactfem.runs.samples import Places
 from impactfem.runs.tracks import Track, difference
 from impactfem.scene import Scene
@@ -60,17 +63,21 @@ def estimate_error(
     tracks = []
     for factor in chosen.numbers.resizing:
         try:
-            tracks.append(rerun(scene, chosen, factor, motion.places))
+            tracks.append(rerun(scene, chosen, factor, motion.places, own))
         except (ImpactError, ArithmeticError, ValueError, RuntimeError, MemoryError) as error:
             return None, {"message": f"the run on elements {factor:g} times as large: {error}"}
     found: Errors | None
     if len(tracks) == 1:
         apart = difference(tracks[0], own, FINER)
-        found, note = apart.times(2.0, 2.0), {"message": "from a run on elements half as large"}
+        each = {name: None if one is None else 2.0 * one for name, one in apart.probes.items()}
+        found = replace(apart.times(2.0, 2.0), probes=each)
+        note = {"message": "from a run on elements half as large"}
     else:
         words = COARSER if scene.resized else LONGER
         near = difference(own, tracks[0], words)
         found, note = extrapolated(near, difference(tracks[0], tracks[1], words))
+    if found is not None:
+        found = replace(found, probes={name: found.probes.get(name) for name in sorted(own.told)})
     steps = sum(len(track.times) - 1 for track in tracks)
     return found, note | {"seconds": time.perf_counter() - begin, "num_steps": steps}
 
@@ -89,33 +96,69 @@ def extrapolated(near: Errors, far: Errors) -> tuple[Errors | None, dict[str, An
     Returns:
         The errors, None if the differences do not fall by `FALL`; and why, for the summary.
     """
+    probes = {name: _told(own, far.probes.get(name)) for name, own in near.probes.items()}
     if near.displacement_max <= _ROUNDING:
-        return near, {"message": "coarser runs do not differ"}
-    ratio = far.displacement_max / near.displacement_max
+        return replace(near, probes=probes), {"message": "coarser runs do not differ"}
     seen = f"{near.displacement_max:.2g} from 2 h to h, after {far.displacement_max:.2g} from 4 h"
-    if not ratio >= FALL:
-        largest = max(near.displacement_max, far.displacement_max)
-        if largest <= SMALL and math.isfinite(far.displacement_max):
-            found = near.times(2.0 * largest / near.displacement_max, 2.0)
-            return found, {"message": f"twice what the motion changes by: {seen}"}
+    share = _share(near.displacement_max, far.displacement_max)
+    if share is None:
         return None, {
             "message": f"the motion changes by {seen}: what does not fall by {FALL:g} tells no "
             "error; take smaller elements or steps, or a shorter duration",
         }
-    force = far.force_l1 / max(near.force_l1, _ROUNDING)
-    found = near.times(_share(ratio), _share(force))
-    return found, {"message": f"from coarser runs: the motion changes by {seen}"}
+    if _falls(near.displacement_max, far.displacement_max):
+        force = _extrapolation(far.force_l1 / max(near.force_l1, _ROUNDING))
+        message = f"from coarser runs: the motion changes by {seen}"
+    else:
+        force, message = 2.0, f"twice what the motion changes by: {seen}"
+    return replace(near.times(share, force), probes=probes), {"message": message}
 
 
-def _share(ratio: float) -> float:
+def _told(near: float | None, far: float | None) -> float | None:
+    """The error that two differences tell; None if they tell none."""
+    if near is None or far is None or not math.isfinite(near):
+        return None
+    share = _share(near, far)
+    return None if share is None else share * near
+
+
+def _falls(near: float, far: float) -> bool:
+    """Whether differences fall with the elements."""
+    return far >= FALL * near
+
+
+def _share(near: float, far: float) -> float | None:
+    """The error over the nearer of two differences; None if these do not allow to tell it."""
+    if near <= _ROUNDING:
+        return 1.0
+    if _falls(near, far):
+        return _extrapolation(far / near)
+    largest = max(near, far)
+    return 2.0 * largest / near if largest <= SMALL and math.isfinite(far) else None
+
+
+def _extrapolation(ratio: float) -> float:
     """The error over a difference, if differences fall by a ratio."""
     least, most = ORDERS
     believed = min(ratio, most) if ratio > least else least
     return SAFETY / (believed - 1.0)
 
 
-def rerun(scene: Scene, chosen: Plan[MarchNumbers], factor: float, places: Places) -> Track:
-    """The scene on elements so many times as large, with steps as much larger."""
+def rerun(
+    scene: Scene, chosen: Plan[MarchNumbers], factor: float, places: Places, own: Track
+) -> Track:
+    """The scene on elements so many times as large, with steps as much larger.
+
+    Probes whose filter takes shorter steps tell nothing there, and none if one of them is outside
+    its body, from which larger elements cut corners off.
+
+    Args:
+        scene: See `estimate_error`.
+        chosen: Likewise.
+        factor: How many times as large elements are.
+        places: Of bodies whose way is kept.
+        own: What the scene's own run is compared by.
+    """
     from impactfem.runs.solids import run_solids  # noqa: PLC0415  (loads DOLFINx)
 
     numbers = chosen.numbers
@@ -128,11 +171,20 @@ def rerun(scene: Scene, chosen: Plan[MarchNumbers], factor: float, places: Place
         layers=None,
         estimate=False,
     )
+    step = 1.2 * factor * float(np.diff(own.times).max(initial=0.0))  # those of meshes differ a bit
+    probes = tuple(probe for probe in scene.probes if step <= longest_row(probe))
     with resized(scene, factor, numbers.unresized) as other:
-        motion, _ = run_solids(other, replace(chosen, numbers=numbers), Progress(), places=places)
+        changed, quiet = replace(chosen, numbers=numbers), Progress()
+        try:
+            seen = replace(other, probes=probes)
+            motion, _ = run_solids(seen, changed, quiet, places=places)
+        except SceneError:
+            if not probes:
+                raise
+            motion, _ = run_solids(other, changed, quiet, places=places)
     if not motion.effort.converged:
         raise ConvergenceError(motion.effort.message)
-    return Track.of_motion(other, motion)
+    return Track.of_motion(replace(other, probes=probes), motion)
 
 
 @contextmanager

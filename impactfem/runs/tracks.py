@@ -1,7 +1,7 @@
 """Ways of bodies in two runs, and how far these are apart, whoever watches them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from impactfem.arrays import Floats
 from impactfem.reference.bar import Errors
 from impactfem.result.table import Table
+from impactfem.runs.probe_errors import Told, apart, told
 from impactfem.runs.scales import fall_in_step, rounding_share
 from impactfem.scene import Scene
 
@@ -54,6 +55,7 @@ class Track:
         force: Contact force during (t_{m-1}, t_m] [N], shape (rows,).
         grounds: Mean velocities of what bodies are held by or strike [m/s], (count, 3).
         mass: Of all bodies [kg]; 0 if it is not known.
+        told: What probes tell besides displacements.
     """
 
     times: Floats
@@ -61,6 +63,7 @@ class Track:
     force: Floats
     grounds: Floats
     mass: float = 0.0
+    told: Mapping[str, Told] = field(default_factory=dict)
 
     @classmethod
     def of_centres(cls, times: Floats, position: Floats, force: Floats) -> "Track":
@@ -130,7 +133,8 @@ class Track:
                     centre.first, max(size, centre.extent),
                 )
             )  # fmt: skip
-        return Track(found.times, tuple(parts), found.force, found.grounds, found.mass)
+        probes = told(motion.history, scene.probes)
+        return Track(found.times, tuple(parts), found.force, found.grounds, found.mass, probes)
 
     def way(self, times: Floats) -> Floats:
         """Ways of all parts [m], linear between levels, shape (times, columns)."""
@@ -239,7 +243,7 @@ def difference(fine: Track, coarse: Track, reference: str, least: float = 0.0) -
     weights = np.diff(times, prepend=times[0]) + np.diff(times, append=times[-1])
     ways = [part.at(times, fine.times) for part in fine.parts]
     others = [part.at(times, coarse.times) for part in coarse.parts]
-    apart = [
+    off = [
         _sizes(np.linalg.norm(one - two, axis=1), weights)
         for one, two in zip(ways, others, strict=True)
     ]
@@ -249,7 +253,7 @@ def difference(fine: Track, coarse: Track, reference: str, least: float = 0.0) -
     share = rounding_share(len(fine.times) - 1)
     moves = scale[:, :1] > share * extents[:, None]
     among = np.where(moves, own, extents[:, None])
-    found = np.divide(apart, among, out=np.zeros_like(among), where=np.array(apart) > 0.0)
+    found = np.divide(off, among, out=np.zeros_like(among), where=np.array(off) > 0.0)
     impulses = [np.diff(track.impulse(times)) for track in (fine, coarse)]
     acting = max(impulse.sum() for impulse in impulses)
     wrong = float(np.abs(impulses[0] - impulses[1]).sum())
@@ -260,6 +264,7 @@ def difference(fine: Track, coarse: Track, reference: str, least: float = 0.0) -
         float(largest),
         float(mean),
         0.0 if max(acting, wrong) <= rounding or not wrong else float(wrong / acting),
+        probes=apart(fine.told, coarse.told, (fine.times, coarse.times), times),
     )
 
 

@@ -71,6 +71,12 @@ def error(result: Record) -> str:
         ("Contact force, mean", percent(found["force_l1"]),
          "mean of the absolute difference (of impulses, where these are compared), over the force"),
     ]  # fmt: skip
+    rows += [
+        (f"Probe {name}", "not known" if value is None else percent(value),
+         "root of the mean square of the difference, over that of the value (of a velocity: of how "
+         "far it leaves its mean)" if value is not None else "further runs do not come near it")
+        for name, value in found["probes"].items()
+    ]  # fmt: skip
     lines.append(table(rows, ("figure", "value", "meaning")))
     lines.append(paragraph(_limits(exact=exact)))
     return section("error", "Error", *lines)
