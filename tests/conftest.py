@@ -5,6 +5,7 @@ Slow ones run to the first limit, all to the second.
 
 import gc
 import os
+import sys
 import time
 from pathlib import Path
 
@@ -31,10 +32,13 @@ def pytest_collection_modifyitems(config, items):
 
 
 gc.disable()  # while tests are collected, and nothing is to be given back
+# Rewriting their assertions is half of it: kept, even where Python may write no bytecode.
+WRITES_NONE, sys.dont_write_bytecode = sys.dont_write_bytecode, False
 
 
 def pytest_collection_finish():
     """What lives to the end, of all tests and of libraries, is not searched for circles again."""
+    sys.dont_write_bytecode = WRITES_NONE
     gc.collect()
     gc.freeze()
     gc.enable()
