@@ -100,6 +100,12 @@ def test_contributing_tells_the_layers_as_the_contract_has_them():
     assert told == [row for row in held if row != ["__main__"]]
 
 
+def test_files_of_tests_have_names_of_their_own():
+    """They are modules without packages: of two of one name the second is not imported."""
+    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))
+
+
 def test_tests_near_a_file_are_those_that_import_it():
     pytest.importorskip("grimp")
     near = runpy.run_path(str(ROOT / ".ci/test-near"))["near"]
