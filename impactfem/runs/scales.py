@@ -37,9 +37,10 @@ def opening_findings(
     """
     sizes = {body.name: _size(body, history) for body in scene.bodies}
     between = {joint.name: joint.bodies or sizes for joint in scene.couplings}
+    least = rounding_way(scene, history, len(history["time"].values))
     for name, (way, turn) in opened.items():
         known = [size for body in between[name] if (size := sizes.get(body))]
-        share = way / min(known) if known else 0.0
+        share = way / min(known) if known and way > least else 0.0
         text = f"joint {name} is open by {way:.2g} m, {percent(share)} of a body"
         if turn > share:
             share, text = turn, f"joint {name} is open by {turn:.2g} rad"

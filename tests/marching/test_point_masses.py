@@ -74,6 +74,20 @@ def test_cantilever_with_a_tip_mass_has_its_frequency_and_sag():
     np.testing.assert_allclose(history["m.force"].values, mass * WEIGHT, rtol=1e-8)
 
 
+def test_a_mass_at_rest_on_a_small_cantilever_is_trusted():
+    """It does not move: that its joint is open by 1e-24 m is no share of its way."""
+    small = BEAM | {"length": 1e-4, "height": 2e-6, "width": 1e-5, "center": [5e-5, 0.0]}
+    masses = [{"point": [1e-4, 0.0], "mass": 1e-9}]
+    more = {"start": "static", "gravity": [0.0, -WEIGHT], "solve": {"estimate": False},
+            "probe": [{"name": "tip", "body": "beam", "point": [1e-4, 0.0]}]}  # fmt: skip
+    result = solve(scene(small, 1e-5, None, masses, **more))
+    assert "joint_open" not in str(result.summary["verdict"])
+    inertia = 1e-5 * 2e-6**3 / 12.0
+    by_mass, by_own = 1e-9 / 3.0, DENSITY * 1e-5 * 2e-6 * 1e-4 / 8.0
+    sag = WEIGHT * (by_mass + by_own) * 1e-4**3 / (MODULUS * inertia)
+    np.testing.assert_allclose(result.history["tip.uy"].values, -sag, rtol=1e-6)
+
+
 def test_rigid_body_with_a_mass_is_the_body_of_both():
     arm, mass = np.array([0.1, 0.05]), 0.5
     whole, spin = 2.0 + mass, BOX["angular_velocity"]
