@@ -17,7 +17,7 @@ for line, other in {
     "duration = 6.0": "duration = 12.0",
     "mesh_size = 0.15": "mesh_size = 0.07",
     'method = "explicit"': 'method = "METHOD"',
-    "report = false": "every = 5",
+    "report = false": "every = 5\nreport = false\npictures = false\nfilm = false",
     "checkpoint = 5": "checkpoint = 20",
 }.items():
     SCENE = SCENE.replace(line, other)

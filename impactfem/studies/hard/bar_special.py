@@ -116,7 +116,8 @@ def mpirun() -> str | None:
 
 def two_ranks(method: str, row: Row) -> Facts:
     """The command line on two ranks against this process."""
-    scene = row.scene({"solve.method": method})
+    undrawn = dict.fromkeys(("output.pictures", "output.film", "output.report"), False)
+    scene = row.scene({"solve.method": method, **undrawn})
     alone = solve(scene)
     with tempfile.TemporaryDirectory() as folder:
         path, out = Path(folder) / "case.toml", Path(folder) / "out"
