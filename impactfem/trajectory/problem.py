@@ -261,8 +261,9 @@ def _check_end(side: str, given: Given, states: Mapping[str, Limits]) -> None:
         low, high = _pair(f"{side}.{name}", wanted)
         least, most = states[name] or (-np.inf, np.inf)
         if high < least or low > most:
+            told = low if low == high else (low, high)
             raise SceneError(
-                f"{side}.{name}: {value} lies outside bounds.{name}, {least:g} to {most:g}; "
+                f"{side}.{name}: {told} lies outside bounds.{name}, {least:g} to {most:g}; "
                 "widen them, or move it inside"
             )
         if not np.isfinite(low) and not np.isfinite(high):

@@ -30,7 +30,8 @@ _NODES = 4000  # of a refined mesh
 _NOTHING = 1e-9  # of the size of the cost
 _NEAR_ONE = (1e-2, 1e3)  # costs in their size, with which the search may end
 _LONGER = 1e3  # times the longest duration: looked through for the shortest one that can be
-_WITHIN = 100  # iterations through impacts: a search at the edge of its motions creeps on
+_WITHIN = 100  # iterations through impacts, and for the shortest duration: searches may creep on
+_MESH = 40  # intervals at most on which the shortest duration is looked for
 _INSIDE = 1e-9  # of the sizes at the start, by which gaps may be closed there
 _REMEDY = "give another guess, more nodes, or bounds of states and controls"
 _REMEDIES = {
@@ -464,9 +465,10 @@ class _Search:
             self.problem, duration=(1e-3 * low, _LONGER * high), running=None,
             final=lambda t, *_: t,
         )  # fmt: skip
-        search = _Search(longer, self.row, self.constant, self.most)
+        search = _Search(longer, self.row, self.constant, min(self.most, _WITHIN))
         found, _ = search._solved(
-            np.linspace(0.0, 1.0, 41), replace(guess, duration=4.0 * high),
+            np.linspace(0.0, 1.0, min(self.rounds[-1], _MESH) + 1),
+            replace(guess, duration=4.0 * high),
             sizes_of(longer, replace(guess, duration=4.0 * high)), 4.0 * high,
         )  # fmt: skip
         if found.status == "converged" and found.cost > high:

@@ -10,6 +10,7 @@ from impactfem import Scene, SceneError
 from impactfem.system.mechanism_file import read_mechanism
 from impactfem.trajectory.bodies import symbolic
 from impactfem.trajectory.building import sizes_of
+from impactfem.trajectory.nlp import Program
 from impactfem.trajectory.rotations import quaternion_rates
 from impactfem.trajectory.scenes import _Asked, trajectory
 from impactfem.trajectory.symbols import loaded
@@ -140,6 +141,28 @@ def test_a_motion_starts_and_ends_as_asked(tmp_path):
     assert found.states["m.hinge.q"][0] == pytest.approx(0.4)
     assert found.states["m.slide.q"][-1] == pytest.approx(1.0)
     assert found.states["m.slide.v"][-1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_turn_that_a_wheel_cannot_make_is_told_soon(tmp_path):
+    """About another axis than its own: the search for a shortest duration does not go on for ever.
+
+    What cannot be is found in 14 iterations; in 1000 more no duration would be.
+    """
+    about = Rotation.from_rotvec(0.7 * np.array([1.0, 2.0, 0.5]) / np.linalg.norm([1.0, 2.0, 0.5]))
+    turned = np.roll((about * Rotation.from_rotvec([0.5, 0.2, 0.0])).as_quat(), 1).tolist()
+    end = {f"m.base.q{letter}": value for letter, value in zip("wxyz", turned, strict=True)}
+    answers = []
+
+    def counted(program, *given, solve=Program.solve):
+        answers.append(solve(program, *given))
+        return answers[-1]
+
+    with patch.object(Program, "solve", counted):
+        found = trajectory(craft(tmp_path, end)).found
+    assert found.status == "infeasible"
+    assert "that is left at the end" in found.message
+    assert sum(each.iterations for each in answers) < 200
 
 
 def test_what_has_no_such_form_is_refused(tmp_path):
