@@ -130,14 +130,12 @@ def _row(scene: Scene, times: Floats, elements: Sequence[int], cut: int) -> _Fol
 
 
 def _rebound(scene: Scene, found: _Followed, k: int) -> float:
-    """Speed of a bar's centre where its last contact ends, or the run; NaN if there was none."""
+    """Speed of a bar's centre where its last contact ends; NaN if there was none, or it lasts."""
     before = k - 1 if len(found.contacts) < len(scene.bars) else k  # pair at its near end
     spells = [found.contacts[j] for j in (before, before + 1) if 0 <= j < len(found.contacts)]
     ends = [end for each in spells for _, end in each]
-    if not ends:
-        return float("nan")
-    over = [end for end in ends if end < scene.duration]
-    return abs(found.speed(k, max(over, default=scene.duration)))
+    last = max(ends, default=scene.duration)
+    return abs(found.speed(k, last)) if last < scene.duration else float("nan")
 
 
 def reader(

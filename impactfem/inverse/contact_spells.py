@@ -85,7 +85,7 @@ def _touch(levels: Floats, gap: Floats, level: int, way: int) -> float:
 
 
 def rebound_row(name: str, scene: Scene, pairs: Mapping[str, Pair], last: int) -> int:
-    """Row of the history after a body's last contact, or the last one; 0 if there was none.
+    """Row of the history after a body's last contact; 0 if there was none, or it lasts.
 
     Args:
         name: Of the body.
@@ -95,7 +95,7 @@ def rebound_row(name: str, scene: Scene, pairs: Mapping[str, Pair], last: int) -
     """
     own = [pair for pair in pairs.values() if name in _partners(scene, pair.name)]
     pressed: Integers = np.flatnonzero(sum((pair.force for pair in own), np.zeros(1)))
-    return min(int(pressed[-1]) + 1, last) if pressed.size else 0
+    return int(pressed[-1]) + 1 if pressed.size and pressed[-1] < last else 0
 
 
 def _partners(scene: Scene, pair: str) -> tuple[str, ...]:

@@ -145,6 +145,7 @@ def _rebound(motion: BarMotion) -> float:
 
 
 def rebound_level(motion: BarMotion) -> int:
-    """Level at which the speed after the last contact is told; 0 if there was none."""
-    touching = np.flatnonzero(motion.active)
-    return min(int(touching[-1]) + 3, len(motion.times) - 1) if touching.size else 0
+    """Level at which the speed after the last contact is told; 0 if there was none, or it lasts."""
+    touching, last = np.flatnonzero(motion.active), len(motion.active) - 1
+    ended = touching.size and touching[-1] < last
+    return min(int(touching[-1]) + 3, len(motion.times) - 1) if ended else 0

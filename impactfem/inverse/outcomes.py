@@ -18,7 +18,7 @@ class Outcome:
         impulse: Of each pair, of its normal force from 0 up to each row [N s], (rows,).
         duration: Of each pair, how long it lasted in all [s].
         rebound: Speed of each body's centre of mass just after its last contact [m/s]; NaN if
-            there was none.
+            there was none, or it lasts where the run ends.
         masses: Of the bodies [kg].
         peak: Largest force of each pair, where impacts take time [N].
         touched: When each pair first touches [s]; NaN if it does not.

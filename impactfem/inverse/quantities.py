@@ -117,7 +117,8 @@ class Quantities:
         elif kind == "rebound_speed" and name in outcome.rebound:
             values, unit = np.full(len(outcome.times), outcome.rebound[name]), "m/s"
             if np.isnan(values).any():
-                text = f" = {show(measure.of)}: {name} touches nothing in this run; start elsewhere"
+                text = f" = {show(measure.of)}: {name} touches nothing in this run, or what it "
+                text += "touches yet where it ends; start elsewhere, or give a longer duration"
                 raise KeyedError(where, "of", text)
         elif measure.of in outcome.names:
             column = outcome.history[measure.of]

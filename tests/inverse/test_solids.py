@@ -49,6 +49,11 @@ def test_speeds_are_homogeneous_in_those_of_waves_and_of_the_throw():
     assert euler == pytest.approx(found.objective, rel=0.04)  # of steps of .2 ms
 
 
+def test_a_contact_that_lasts_has_no_rebound():
+    with pytest.raises(SceneError, match=r"rebound_speed.disc.*yet where it ends.*duration"):
+        impactfem.gradient(thrown("v", duration=0.006))
+
+
 @pytest.mark.parametrize("method", ["galerkin", "moreau_jean"])
 def test_methods_with_mass_on_contact_nodes_have_no_gradient(method):
     with pytest.raises(SceneError, match=r'no derivatives that are right.*"massless"'):
