@@ -10,7 +10,7 @@ import numpy as np
 
 from impactfem.arrays import Floats
 from impactfem.errors import SceneError
-from impactfem.findings import Finding, percent
+from impactfem.findings import Finding, Severity, percent
 from impactfem.marching.rows import Level
 from impactfem.result.history import CONTROLLER_COLUMN, column_of
 from impactfem.result.summary import ControllerFigures
@@ -277,13 +277,13 @@ class Feedback:
         self._dt, self._layers = dt, layers
         self.loops = list[Loop]()
         for index, each in enumerate(scene.controllers):
-            whole = None
+            whole, span = None, max(each.sample, dt)  # once a step at most
             if each.law == "whole_body":
                 from impactfem.runs.whole_body import WholeBody  # noqa: PLC0415  (rarely)
 
-                whole = WholeBody.of(scene, each, each.sample or dt)
+                whole = WholeBody.of(scene, each, span)
             parts = () if each.in_steps else each.parts
-            self.loops += [Loop(part, index, part.sample or dt, whole=whole) for part in parts]
+            self.loops += [Loop(part, index, span, whole=whole) for part in parts]
         for loop in self.loops:
             loop.controller.held.value = 0.0
             if loop.controller.law == "raibert":
@@ -392,7 +392,8 @@ class Feedback:
         ]
         answers = list((sides[0] - sides[1]) / (2.0 * size))
         speed = float(answers[0][1])
-        inertia = own.inertia or (loop.span / speed if speed > 0.0 else math.nan)
+        held = steps * self._dt
+        inertia = own.inertia or (held / speed if speed > 0.0 else math.nan)
         return inertia, held_answer(answers)
 
     # --- checkpoints ---
@@ -433,22 +434,12 @@ class Feedback:
         """What of them a user should know."""
         found = []
         for loop in self.loops:
-            own, every = loop.controller, loop.span / self._dt
+            own = loop.controller
             if loop.radius is not None and loop.radius > 1.0 + _OUTSIDE:
                 text = f"the sampled loop has the spectral radius {loop.radius:.6g}: errors grow"
                 remedy = 'take smaller gains, a shorter sample or delay, or kind = "implicit_pd"'
                 found.append(Finding("controller", "warning", text, own.name, remedy=remedy))
-            if abs(every - round(every)) > _EARLY:
-                text = f"samples every {loop.span:g} s lie within steps of {self._dt:g} s and are "
-                text += "taken where these end: first order in the step"
-                found.append(Finding("controller", "note", text, own.name))
-            elif own.law == "external":
-                if not loop.largest:
-                    text = "its output is 0: Simulation.step(outputs=...) sets another"
-                    found.append(Finding("controller", "note", text, own.name))
-            elif not own.sample:
-                text = "measured where steps begin, its output is held over them: first order in "
-                found.append(Finding("controller", "note", f"{text}the step", own.name))
+            found += self._timed(loop)
             if abs(own.delay / loop.span - loop.lag) > _EARLY:
                 text = f"delay = {own.delay:g} s is taken as {loop.lag} samples, "
                 text += f"{loop.lag * loop.span:g} s"
@@ -462,6 +453,29 @@ class Feedback:
                 text = "no acceleration answers its force at t = 0, so that its inertia is unknown"
                 found.append(Finding("controller", "fault", text, own.name, remedy="give inertia"))
         return found
+
+    def _timed(self, loop: Loop) -> list[Finding]:
+        """What of its samples is not as the scene says it."""
+        own, every = loop.controller, loop.span / self._dt
+        severity: Severity = "note"
+        remedy = ""
+        if abs(every - round(every)) > _EARLY:
+            text = f"samples every {loop.span:g} s lie within steps of {self._dt:g} s and are "
+            text += "taken where these end: first order in the step"
+        elif own.law == "external":
+            if loop.largest:
+                return []
+            text = "its output is 0: Simulation.step(outputs=...) sets another"
+        elif not own.sample:
+            text = "measured where steps begin, its output is held over them: first order in the "
+            text += "step"
+        elif own.sample < loop.span * (1.0 - _EARLY):
+            text = f"sample = {own.sample:g} s is shorter than a step: it measures once in each, "
+            text += f"every {loop.span:g} s"
+            severity, remedy = "warning", f"give solve.dt = {own.sample:g}, or leave it out"
+        else:
+            return []
+        return [Finding("controller", severity, text, own.name, remedy=remedy)]
 
 
 def _whole_told(loop: Loop) -> list[Finding]:

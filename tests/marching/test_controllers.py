@@ -110,6 +110,46 @@ def test_droop_and_integral():
     assert abs(rest) < 1e-4 * weight / 400.0
 
 
+def test_samples_shorter_than_a_step_are_steps():
+    """Once a step is measured: the integral, the inertia and the radius are those of that."""
+    found = []
+    for sample in (1e-3, 1e-2):
+        data = sliding(0.5, target=1.0, kind="pid", kp=40.0, kd=8.0, ki=60.0, sample=sample)
+        data = data.to_dict()
+        data["solve"]["dt"] = 1e-2
+        found.append(impactfem.solve(Scene.from_dict(data)))
+    one, other = (each.summary["controllers"]["hold"] for each in found)
+    assert one == other
+    assert one["inertia"] == pytest.approx(2.0, rel=1e-9)
+    assert one["sample"] == 1e-2
+    np.testing.assert_array_equal(*(each.history["m.x"].values for each in found))
+    told = [each["text"] for each in found[0].summary["verdict"]["findings"]]
+    assert any("shorter than a step" in text for text in told)
+
+
+def test_a_body_without_a_force_gets_one():
+    """As motors and tractions that a scene leaves out do."""
+    data = sliding(0.1, target=1.0, kp=200.0, kd=12.0).to_dict()
+    data["body"][0].pop("force", None)
+    Scene.from_dict(data)
+    box = {"kind": "rigid", "name": "box", "model": "3d", "mass": 1.0,
+           "shape": {"kind": "block", "size": [0.2, 0.1, 0.1], "corner": [0, 0, 0]}}  # fmt: skip
+    control = {"name": "hold", "kind": "p", "kp": 1.0, "sample": 0.01}
+    for acts, of, key in (("force.z", "box.z", "force"), ("moment.y", "box.wy", "moment")):
+        scene = Scene.from_dict({
+            "title": "box", "duration": 0.1, "body": [box],
+            "controller": [control | {"acts": f"body.box.{acts}", "of": of}],
+        })  # fmt: skip
+        assert len(getattr(scene.bodies[0], key)) == 3
+    solid = {"kind": "solid", "name": "box", "density": 1.0, "youngs_modulus": 1.0,
+             "shape": {"kind": "disc", "radius": 1.0, "center": [0, 0]}}  # fmt: skip
+    with pytest.raises(SceneError, match=r"controller\[0\].acts"):
+        Scene.from_dict({
+            "title": "box", "duration": 0.1, "body": [solid],
+            "controller": [control | {"acts": "body.box.force.y", "of": "box.y"}],
+        })  # fmt: skip
+
+
 def test_the_integral_stands_at_limits():
     """A far target: without anti-windup the integral carries it far beyond."""
     over = []
