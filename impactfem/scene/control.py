@@ -26,6 +26,7 @@ COURSES = ("constant", "linear")
 AXES = "xyz"
 _LOADS = {"traction": "tractions", "pressure": "pressures", "motion": "supports"}
 _IN_JOINT = re.compile(r"(body\.[^.]+)\.joints\.([^.]+)\.motor")
+_ON_CENTRE = re.compile(r"((body\.[^.]+)\.(?:force|moment))\.[xyz]")
 _ON_SURFACE = re.compile(r"body\.([^.]+)\.(traction|pressure|motion)\.([^.]+)(\.[^.]+)?")
 """`body.NAME.traction.SURFACE.x`: loads by the names of surfaces, of plates of faces and edges."""
 
@@ -221,6 +222,8 @@ def put_into(
         NotAllowedError: There is no formula.
     """
     path = _loaded(data, path)
+    if (on := _ON_CENTRE.fullmatch(path)) and is_missing(data, on[1]):
+        _add_none(data, on[1], keys)
     head, _, last = path.rpartition(".")
     path = f"{head}.{AXES.index(last)}" if last in AXES and last else path
     present = _present(data, path, keys)
@@ -261,6 +264,18 @@ def _loaded(data: dict[str, Any], path: str) -> str:
             none = [0] * (3 if looked_up(data, f"body.{body}.model") == "3d" else 2)
         assign(data, place, [*given, {face: surface, "value": none}])
     return place + where
+
+
+def _add_none(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]]) -> None:
+    """Give a body that may have a force or a moment one of 0, along as many axes as its place."""
+    owner, _, name = path.rpartition(".")
+    if name not in keys.get(str(looked_up(data, f"{owner}.kind")), ()):
+        return
+    shaped = not is_missing(data, f"{owner}.shape")
+    places = ("shape.center", "shape.corner", "position")[0 if shaped else 2 :]
+    for place in (f"{owner}.{each}" for each in places):
+        if not is_missing(data, place) and isinstance(at := looked_up(data, place), list):
+            assign(data, path, [0] * len(at))
 
 
 def _present(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]]) -> object:
