@@ -112,6 +112,7 @@ class NodesOnConvex(Anew):
         height = heights[np.arange(len(gap)), best]
         on = gap <= _FLUSH * shape.reach
         other = behind & on & np.isfinite(height)
+        height = np.where(other, height, 0.0)
         flat = (normal @ faces.T > 1.0 - _SAME).any(axis=1)
         gap = np.where(other, height, np.where(behind & ~on & ~flat, FAR, gap))
         normal = np.where(other[:, None], faces[best], normal)
