@@ -20,7 +20,10 @@ _LEAST, _MOST = 4, 512
 
 @dataclass(frozen=True, slots=True)
 class EndDrive:
-    """Speed f(t) that a driven end gives to the waves: linear in pieces, 0 outside of them.
+    """Speed f(t) that a driven end gives to the waves: linear in pieces, 0 before them.
+
+    It stays what it is at their end, which is the last time asked for: waves are told right of a
+    time, where they jump.
 
     Attributes:
         times: (n + 1,) borders of the pieces, from 0 on [s].
@@ -86,7 +89,7 @@ class EndDrive:
             return np.zeros((len(borders) - 1, 2))
         middle = 0.5 * (borders[1:] + borders[:-1])
         i = np.clip(np.searchsorted(self.times, middle) - 1, 0, len(self.values) - 1)
-        inside = (middle > self.times[0]) & (middle < self.times[-1])
+        inside = middle > self.times[0]
         share = np.stack([borders[:-1], borders[1:]], axis=-1) - self.times[i, None]
         share = np.clip(share / (self.times[i + 1] - self.times[i])[:, None], 0.0, 1.0)
         first, last = self.values[i, :1], self.values[i, 1:]
