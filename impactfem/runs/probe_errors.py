@@ -71,7 +71,7 @@ def _belongs(column: str, probe: str, letter: str | None) -> bool:
 
 
 def apart(
-    one: Mapping[str, Told], other: Mapping[str, Told], times: tuple[Floats, Floats], scale: Floats
+    one: Mapping[str, Told], other: Mapping[str, Told], rows: tuple[Floats, Floats], times: Floats
 ) -> dict[str, float]:
     """How far two runs are apart, by what both tell: root of the mean square in time.
 
@@ -82,13 +82,13 @@ def apart(
     Args:
         one: What the first tells.
         other: What the second tells.
-        times: Of their rows [s].
-        scale: Times at which they are compared [s], (times,).
+        rows: Their times [s].
+        times: At which they are compared [s], (times,).
     """
-    weights = np.diff(scale, prepend=scale[0]) + np.diff(scale, append=scale[-1])
+    weights = np.diff(times, prepend=times[0]) + np.diff(times, append=times[-1])
     found = {}
     for name in one.keys() & other.keys():
-        mine, others = one[name].at(scale, times[0]), other[name].at(scale, times[1])
+        mine, others = one[name].at(times, rows[0]), other[name].at(times, rows[1])
         if mine.shape != others.shape:
             continue
         size = mine
