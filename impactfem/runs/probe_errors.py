@@ -4,7 +4,7 @@ Displacements of probes are compared with those of all places, see `impactfem.ru
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,8 @@ from impactfem.scene.probes import Probe
 
 _PARTS = {"velocity": "v", "acceleration": "a", "stress": "s"}
 _ROUNDING = 1e-10  # share of the largest value below which nothing differs
+_PLACES = 32.0 * float(np.finfo(float).eps)  # share of the extent by which places may be rounded
+_STRAIN = 1e-11  # below which bodies are not strained
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,14 @@ class Told:
         twice: Which of them stand for two, as shear stresses do, (components,).
         quantity: Its name in scenes.
         filtered: Whether it has passed a filter.
+        least: What is rounding in its unit: of bodies at rest or in flight all may be.
     """
 
     values: Floats
     twice: Floats
     quantity: str
     filtered: bool
+    least: float = 0.0
 
     def at(self, times: Floats, rows: Floats) -> Floats:
         """At some of the times of its rows and others between them, (times, components).
@@ -47,10 +51,26 @@ class Told:
         return np.stack([np.interp(times, rows, column) for column in self.values.T], axis=1)
 
 
-def told(history: Table, probes: tuple[Probe, ...]) -> dict[str, Told]:
-    """What probes tell in a run, by ``PROBE.QUANTITY``."""
-    found = {}
+def told(
+    history: Table,
+    probes: Sequence[Probe],
+    extents: Mapping[str, float] | None = None,
+    moduli: Mapping[str, float] | None = None,
+) -> dict[str, Told]:
+    """What probes tell in a run, by ``PROBE.QUANTITY``.
+
+    Args:
+        history: Of the run.
+        probes: Of its scene.
+        extents: What places of bodies are rounded to eps of [m], by their names.
+        moduli: Of those of one material [Pa].
+    """
+    found, times = {}, history["time"].values
+    step = float(np.median(np.diff(times))) if len(times) > 1 else math.inf
     for probe in probes:
+        rounded = _PLACES * (extents or {}).get(probe.body, 0.0) / step
+        stress = _STRAIN * (moduli or {}).get(probe.body, 0.0)
+        least = {"velocity": rounded, "acceleration": rounded / step, "stress": stress}
         for quantity in probe.quantities:
             letter = _PARTS.get(quantity)
             own = [name for name in history.data_vars if _belongs(name, probe.name, letter)]
@@ -59,7 +79,7 @@ def told(history: Table, probes: tuple[Probe, ...]) -> dict[str, Told]:
                 twice = np.array([2.0 if len(set(part[1:])) == 2 else 1.0 for part in parts])
                 values = np.stack([history[name].values for name in own], axis=1)
                 found[f"{probe.name}.{quantity}"] = Told(
-                    values, twice, quantity, probe.filter is not None
+                    values, twice, quantity, probe.filter is not None, least[quantity]
                 )
     return found
 
@@ -99,5 +119,6 @@ def apart(
             for each in (mine - others, size)
         )
         least = _ROUNDING * float(np.abs(mine).max(initial=0.0))
+        own = max(own, one[name].least)
         found[name] = 0.0 if off <= least else off / own if own > 0.0 else math.inf
     return dict(sorted(found.items()))

@@ -133,7 +133,10 @@ class Track:
                     centre.first, max(size, centre.extent),
                 )
             )  # fmt: skip
-        probes = told(motion.history, scene.probes)
+        extents = {part.body: part.extent for part in parts}
+        known = {body.name: getattr(body, "youngs_modulus", None) for body in scene.bodies}
+        moduli = {name: each for name, each in known.items() if isinstance(each, float)}
+        probes = told(motion.history, scene.probes, extents, moduli)
         return Track(found.times, tuple(parts), found.force, found.grounds, found.mass, probes)
 
     def way(self, times: Floats) -> Floats:

@@ -54,6 +54,25 @@ def test_of_velocities_does_not_depend_on_who_watches():
     assert moving == pytest.approx(still, rel=1e-9)
 
 
+@pytest.mark.parametrize("start", ["at rest", "in flight"])
+def test_bodies_that_do_nothing_have_no_errors_by_rounding(start):
+    """A block that rests on a floor has no velocity, one in flight no stress, but for rounding."""
+    rests = start == "at rest"
+    block = {"kind": "block", "size": [1.0, 1.0], "corner": [0.0, 0.0 if rests else 50.0]}
+    data = solid_scene(
+        shape=block, mesh_size=0.1, duration=1.0, velocity=[0.0, 0.0] if rests else [3.0, 1.0],
+        solve={"estimate": True}, gravity=[0.0, -1e-3] if rests else None,
+    ).to_dict()  # fmt: skip
+    point = [0.5, 0.8 if rests else 50.8]
+    probe = {"name": "a", "body": "body", "point": point,
+             "quantities": ["velocity", "acceleration", "stress"]}  # fmt: skip
+    data |= {"probe": [probe]} | ({"start": "static"} if rests else {})
+    found = impactfem.solve(Scene.from_dict(data)).summary["error"]["probes"]
+    still = ("a.velocity", "a.acceleration") if rests else tuple(found)
+    for name in still:
+        assert found[name] < 0.2
+
+
 def test_means_over_steps_are_compared_over_the_longer_ones():
     fine, coarse = np.linspace(0.0, 1.0, 41), np.linspace(0.0, 1.0, 11)
     means = [np.diff(np.sin(t), prepend=np.nan) / (t[1] - t[0]) for t in (fine, coarse)]
