@@ -149,7 +149,7 @@ def driven(method, more=()):
     data["measure"] = [{"name": n, "of": of, "at": at} for n, (of, at) in told.items()]
     data["measure"] += [{"name": n, "of": f"{of}.lid.stop"} for n, of in
                         (("pushed", "impulse"), ("lasted", "duration"))]  # fmt: skip
-    data["measure"].append({"name": "back", "of": "rebound_speed.lid"})
+    data["measure"].append({"name": "back", "of": "lid.vz"})
     terms = [{"term": "peak_force", "pair": "lid.stop"}, {"term": "effort", "of": "push"}]
     terms += [{"term": f"{kind}_energy"} for kind in ("vibration", "terminal")]
     if method == "massless":
