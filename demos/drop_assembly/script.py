@@ -14,6 +14,7 @@ import impactfem
 
 SCENE = Path(__file__).with_name("scene.toml")
 GRAVITY = 9.81  # [m/s^2]
+PASSED = 1650.0  # frequency that CFC1000 passes with -3 dB: beyond it the record's end shows [Hz]
 LARGER = {2.0: ("elements twice as large", "#9a9a9a"), 1.0: ("as given", "#0b559f")}
 
 
@@ -52,7 +53,8 @@ def main() -> None:
         above.plot(time, felt, color=color, label=words)
         middle.plot(time, bent, color=color)
         below.loglog(found.shock_frequencies, shock, color=color)
-        peaks.append([np.abs(felt).max(), shock.max(), np.abs(bent).max()])
+        passed = shock[np.asarray(found.shock_frequencies) <= PASSED]
+        peaks.append([np.abs(felt).max(), passed.max(), np.abs(bent).max()])
     names = ("acceleration, CFC1000", "shock response, Q = 10", "strain")
     for name, unit, coarse, fine in zip(names, ("g", "g", "mm/m"), *peaks, strict=True):
         off = abs(coarse / fine - 1.0)

@@ -16,6 +16,7 @@ type Probed = dict[str, dict[str, Floats]]
 
 _SAMPLES = 10.0  # least number of samples in 1 / class: SAE J211-1, ISO 6487
 _CORNER = 2.0775  # of the two-pole filter whose two passes make a class, SAE J211-1 appendix C
+_TAIL = 0.05  # of 1 / class at the end of a record, whose mean goes on
 _EVEN = 1e-6  # share by which steps of one length differ
 
 
@@ -109,8 +110,9 @@ def cfc(values: Floats, step: float, number: float) -> Floats:
     """Pass samples through a channel frequency class of SAE J211-1.
 
     A Butterworth filter of two poles at 2.0775 times the class, forwards and backwards: no shift of
-    phase, four poles in all. Ends are mirrored, so that the mean of the record stays: what lies
-    beyond a last sample that is mostly noise is not that noise.
+    phase, four poles in all. Before its first sample a record is as there: bodies come in flight or
+    from rest. It goes on as the mean of its last twentieth of 1 / class: a last sample alone may be
+    noise. What follows is not known: the last half of 1 / class is as good as that guess.
 
     Args:
         values: (samples,).
@@ -123,6 +125,7 @@ def cfc(values: Floats, step: float, number: float) -> Floats:
     if corner >= 1.0 or len(values) < 2:
         return values
     over = math.ceil(2.0 / (number * step))
-    mirrored = np.pad(values, over, mode="symmetric")
-    filtered: Floats = filtfilt(*butter(2, corner), mirrored, padtype=None)[over:-over]
+    last = values[-max(1, round(_TAIL / (number * step))) :].mean()
+    continued = np.concatenate([np.full(over, values[0]), values, np.full(over, last)])
+    filtered: Floats = filtfilt(*butter(2, corner), continued, padtype=None)[over:-over]
     return filtered

@@ -20,9 +20,10 @@ def test_the_board_feels_what_the_page_says():
     spec.loader.exec_module(script)
     result = impactfem.solve(impactfem.Scene.from_toml(DEMO / "scene.toml"), estimate=False)
     history = result.history
-    assert np.abs(history["middle.ay"].values).max() / 9.81 == pytest.approx(2598.0, rel=0.03)
-    shock = np.asarray(result.spectrum("middle.ay", q=10.0).shock)
-    assert shock.max() / 9.81 == pytest.approx(5184.0, rel=0.04)
+    assert np.abs(history["middle.ay"].values).max() / 9.81 == pytest.approx(2540.0, rel=0.03)
+    found = result.spectrum("middle.ay", q=10.0)
+    shock = np.asarray(found.shock)[np.asarray(found.shock_frequencies) <= script.PASSED]
+    assert shock.max() / 9.81 == pytest.approx(5109.0, rel=0.04)
     assert np.abs(script.strain(result)).max() == pytest.approx(1.549e-3, rel=0.04)
     # Ties and joints pass on all of it: floor and gravity alone change the momentum.
     momentum = np.stack([history["momentum.x"].values, history["momentum.y"].values], axis=1)
