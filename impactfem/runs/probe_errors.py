@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from impactfem.arrays import Floats
+from impactfem.reference.bar import trapezoidal
 from impactfem.result.table import Table
 from impactfem.scene.probes import Probe
 
@@ -105,7 +106,7 @@ def apart(
         rows: Their times [s].
         times: At which they are compared [s], (times,).
     """
-    weights = np.diff(times, prepend=times[0]) + np.diff(times, append=times[-1])
+    weights = trapezoidal(times)
     found = {}
     for name in one.keys() & other.keys():
         mine, others = one[name].at(times, rows[0]), other[name].at(times, rows[1])

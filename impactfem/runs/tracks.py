@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from impactfem.arrays import Floats
-from impactfem.reference.bar import Errors
+from impactfem.reference.bar import Errors, trapezoidal
 from impactfem.result.table import Table
 from impactfem.runs.probe_errors import Told, apart, told
 from impactfem.runs.scales import fall_in_step, rounding_share
@@ -243,7 +243,7 @@ def difference(fine: Track, coarse: Track, reference: str, least: float = 0.0) -
     """
     end = min(fine.times[-1], coarse.times[-1])
     times = np.append(coarse.times[coarse.times < end * (1.0 - 1e-12)], end)
-    weights = np.diff(times, prepend=times[0]) + np.diff(times, append=times[-1])
+    weights = trapezoidal(times)
     ways = [part.at(times, fine.times) for part in fine.parts]
     others = [part.at(times, coarse.times) for part in coarse.parts]
     off = [

@@ -227,6 +227,20 @@ def _outline(body: Any) -> tuple[Floats, Floats] | None:
     return np.array([in_space(node) for node in nodes]), np.broadcast_to(form.radius, len(nodes))
 
 
+def check_events(known: Symbolic) -> None:
+    """Refuse bodies that `event_driven` does not follow.
+
+    Raises:
+        SceneError: Something in them is beyond it.
+    """
+    if known.tree.beyond:
+        raise SceneError(
+            f"{known.tree.beyond}, which event_driven does not know in coordinates of joints: "
+            "leave it out, or take what needs no events (trajectories by hermite_simpson or "
+            "contact_implicit, steps)"
+        )
+
+
 def system_of(
     known: Symbolic, gaps: Sequence[Closing], control: Callable[[float], Floats],
     stops: Callable[[float], Sequence[Break]] = lambda _: (),
@@ -242,12 +256,7 @@ def system_of(
     Raises:
         SceneError: Something in it is beyond these methods.
     """
-    if known.tree.beyond:
-        raise SceneError(
-            f"{known.tree.beyond}, which event_driven does not know in coordinates of joints: "
-            "leave it out, or take what needs no events (trajectories by hermite_simpson or "
-            "contact_implicit, steps)"
-        )
+    check_events(known)
     return _TreeSystem(known, gaps, control, stops)
 
 

@@ -21,7 +21,7 @@ from impactfem.errors import SceneError
 from impactfem.scene.values import show
 from impactfem.trajectory.bodies import Symbolic
 from impactfem.trajectory.building import Guess, Sizes, Stretch, cost_size, sizes_of
-from impactfem.trajectory.contacts import Closing, system_of
+from impactfem.trajectory.contacts import Closing, check_events
 from impactfem.trajectory.following import Followed, followed
 from impactfem.trajectory.motion import Motion
 from impactfem.trajectory.nlp import Answer, Program
@@ -286,7 +286,7 @@ def hybrid(
     Raises:
         SceneError: A mode is not known, or the start is none of the first one.
     """
-    system_of(known, gaps, lambda _: np.zeros(0))  # which judges the order: else it is refused
+    check_events(known)  # they judge the order
     begun = time.perf_counter()
     search = _Search(known, gaps, problem, modes, settings, begin(problem, guess))
     found = search.refined()
